@@ -1,0 +1,261 @@
+//! `check`: reads everything and says what is there and whether it can work.
+
+use std::fmt::Write;
+
+use helio_core::angle::degrees;
+use helio_core::{EnuUnit, OffsetForm, Status, TrackOptions, Tracker, Tracking};
+use helio_io::LoadedField;
+
+use crate::Outcome;
+use crate::args::{CheckArgs, NO_SHADING};
+use crate::failure::Failure;
+use crate::plan::{self, SunClock, Suns, toward};
+use crate::printer::{Grouped, Printer, Tally};
+
+/// Heliostats named one by one.
+const NAMED: usize = 10;
+const DAY_S: i64 = 86_400;
+
+pub(crate) fn run(args: &CheckArgs, printer: &Printer) -> Result<Outcome, Failure> {
+    let loaded = plan::field(&args.field, printer)?;
+    let mut report = Report::default();
+    describe(&loaded, &mut report);
+    sun_now(&loaded, printer, &mut report)?;
+    reachability(&loaded, &mut report)?;
+    printer.data(&report.0)?;
+    printer.say(format_args!("{NO_SHADING}"));
+    Ok(Outcome::Good)
+}
+
+/// Lines of a name and what is to be said of it.
+#[derive(Default)]
+struct Report(String);
+
+impl Report {
+    fn line(&mut self, name: &str, text: impl std::fmt::Display) {
+        // Writing to a string cannot fail.
+        let _ = writeln!(self.0, "{name:<14} {text}");
+    }
+}
+
+/// A range of numbers, or the one they all are.
+struct Span(f64, f64);
+
+impl Span {
+    fn of(values: impl Iterator<Item = f64>) -> Self {
+        values.fold(Self(f64::INFINITY, f64::NEG_INFINITY), |s, v| Self(s.0.min(v), s.1.max(v)))
+    }
+}
+
+impl std::fmt::Display for Span {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        // To the places asked for, without the zeros that say nothing.
+        let places = f.precision().unwrap_or(3);
+        let short = |value: f64| {
+            let text = format!("{value:.places$}");
+            let text = text.trim_end_matches('0').trim_end_matches('.').to_owned();
+            if text == "-0" { "0".to_owned() } else { text }
+        };
+        let (low, high) = (short(self.0), short(self.1));
+        if low == high { f.write_str(&low) } else { write!(f, "{low} to {high}") }
+    }
+}
+
+fn describe(loaded: &LoadedField, report: &mut Report) {
+    let files: Vec<String> = loaded.files.iter().map(|f| f.display().to_string()).collect();
+    report.line("files", files.join(", "));
+    match &loaded.site {
+        Some(site) => {
+            let name = site.name.as_deref().map_or(String::new(), |name| format!("{name}, "));
+            let (latitude, longitude) = (degrees(site.latitude_rad), degrees(site.longitude_rad));
+            let north = if latitude < 0.0 { 'S' } else { 'N' };
+            let east = if longitude < 0.0 { 'W' } else { 'E' };
+            report.line(
+                "site",
+                format_args!(
+                    "{name}{:.6}° {north}, {:.6}° {east}, {} m",
+                    latitude.abs(),
+                    longitude.abs(),
+                    site.elevation_m
+                ),
+            );
+        }
+        None => report.line("site", "none: suns must be given by their angles"),
+    }
+    let field = &loaded.field;
+    let heliostats = field.heliostats();
+    let count = Grouped(field.len() as u64);
+    report.line("heliostats", format_args!("{count}, tracking mode {}", field.mode().as_str()));
+    let span = |of: fn(&helio_core::Heliostat) -> f64| Span::of(heliostats.iter().map(of));
+    report.line(
+        "pivots",
+        format_args!(
+            "east {:.1} m, north {:.1} m, up {:.2} m",
+            span(|h| h.pivot.east),
+            span(|h| h.pivot.north),
+            span(|h| h.pivot.up)
+        ),
+    );
+    for (number, (name, target)) in loaded.targets.iter().enumerate() {
+        let aiming = loaded.target_of.iter().filter(|&&of| of == Some(number)).count();
+        let c = target.centre;
+        let area = target.area.map_or("a point".to_owned(), |area| {
+            format!("{} by {} m", area.width_m, area.height_m)
+        });
+        report.line(
+            "target",
+            format_args!(
+                "{name}: {area} at east {}, north {}, up {} m; {} heliostats aim at it",
+                c.east,
+                c.north,
+                c.up,
+                Grouped(aiming as u64)
+            ),
+        );
+    }
+    let own = loaded.target_of.iter().filter(|of| of.is_none()).count();
+    if own > 0 {
+        report.line("own aims", format_args!("{} heliostats", Grouped(own as u64)));
+    }
+    report.line("slant range", format_args!("{:.1} m", span(|h| (h.aim - h.pivot).norm())));
+    report.line("mirror offset", format_args!("{:.4} m", span(|h| h.mirror_offset_m)));
+    describe_errors(loaded, report);
+    describe_limits(loaded, report);
+    let driven = |axis: usize| loaded.drives.iter().filter(|d| d[axis].is_some()).count();
+    if loaded.has_drives() {
+        let (one, two) = (Grouped(driven(0) as u64), Grouped(driven(1) as u64));
+        report.line("drives", format_args!("axis 1 of {one} heliostats, axis 2 of {two}"));
+    } else {
+        report.line("drives", "none");
+    }
+    if let Some(schedule) = &loaded.schedule {
+        let varying = Grouped(schedule.varying_rows().len() as u64);
+        report.line(
+            "calibration",
+            format_args!("changes with the hour or the date for {varying} heliostats"),
+        );
+    }
+}
+
+fn describe_errors(loaded: &LoadedField, report: &mut Report) {
+    let heliostats = loaded.field.heliostats();
+    let mut none = true;
+    for (name, of) in [
+        ("pedestal_tilt", (|e| e.pedestal_tilt_rad) as fn(&helio_core::MountErrors) -> f64),
+        ("axis_nonorthogonality", |e| e.axis_nonorthogonality_rad),
+        ("mirror_tilt", |e| e.mirror_tilt_rad),
+        ("azimuth_reference", |e| e.azimuth_reference_rad),
+        ("elevation_reference", |e| e.elevation_reference_rad),
+    ] {
+        let span = Span::of(heliostats.iter().map(|h| degrees(of(&h.errors))));
+        if span.0 != 0.0 || span.1 != 0.0 {
+            report.line(if none { "errors" } else { "" }, format_args!("{name} {span:.4}°"));
+            none = false;
+        }
+    }
+    if none {
+        report.line("errors", "none");
+    }
+}
+
+fn describe_limits(loaded: &LoadedField, report: &mut Report) {
+    let heliostats = loaded.field.heliostats();
+    let unlimited = heliostats.iter().filter(|h| h.limits.is_none()).count();
+    if unlimited == heliostats.len() {
+        report.line("limits", "none");
+        return;
+    }
+    let ends = |least: fn(&helio_core::AxisLimits) -> f64, most: fn(&helio_core::AxisLimits) -> f64| {
+        let finite = |of: fn(&helio_core::AxisLimits) -> f64| {
+            Span::of(heliostats.iter().map(|h| degrees(of(&h.limits))).filter(|v| v.is_finite()))
+        };
+        let say = |span: Span, none: &str| {
+            if span.0 > span.1 { none.to_owned() } else { format!("{span:.3}°") }
+        };
+        format!("from {} up to {}", say(finite(least), "anywhere"), say(finite(most), "anywhere"))
+    };
+    report.line("limits", format_args!("axis 1 {}", ends(|l| l.axis1_min_rad, |l| l.axis1_max_rad)));
+    report.line("", format_args!("axis 2 {}", ends(|l| l.axis2_min_rad, |l| l.axis2_max_rad)));
+    if unlimited > 0 {
+        report.line("", format_args!("{} heliostats without limits", Grouped(unlimited as u64)));
+    }
+}
+
+fn sun_now(loaded: &LoadedField, printer: &Printer, report: &mut Report) -> Result<(), Failure> {
+    if loaded.site.is_some() {
+        let now = crate::args::SunArgs {
+            time: Some(jiff::Timestamp::now().to_string()),
+            sun_azimuth_deg: None,
+            sun_elevation_deg: None,
+        };
+        let block = Suns::one(&now, loaded, printer)?.block(0, 1)?;
+        report.line("sun now", block.describe(0));
+    }
+    Ok(())
+}
+
+/// Tracks the whole field through a sample of the suns of a year.
+fn reachability(loaded: &LoadedField, report: &mut Report) -> Result<(), Failure> {
+    let (suns, of) = sample(loaded)?;
+    let n = loaded.field.len();
+    let tracker = Tracker::new(&loaded.field, OffsetForm::Exact)?;
+    let mut tracking = Tracking::default();
+    let mut tally = Tally::default();
+    let mut worked = vec![0_usize; n];
+    for &sun in &suns {
+        tracker.track_into(&[sun], None, &TrackOptions::default(), &mut tracking)?;
+        tally.add(tracking.status());
+        for (worked, &status) in worked.iter_mut().zip(tracking.status()) {
+            *worked += usize::from(status == Status::Ok);
+        }
+    }
+    let share = |count: u64| 100.0 * count as f64 / tally.total().max(1) as f64;
+    report.line("reachable", format_args!("over {} {of}:", Grouped(suns.len() as u64)));
+    for (status, count) in tally.rows().into_iter().filter(|&(_, count)| count > 0) {
+        report.line("", format_args!("{status} {:.3} % of the rows", share(count)));
+    }
+    let mut name_some = |what: &str, wanted: &dyn Fn(usize) -> bool| {
+        let rows: Vec<usize> = (0..n).filter(|&row| wanted(worked[row])).collect();
+        if rows.is_empty() {
+            return;
+        }
+        let ids: Vec<&str> =
+            rows.iter().take(NAMED).map(|&row| loaded.field.ids()[row].as_str()).collect();
+        let more = if rows.len() > NAMED { ", ..." } else { "" };
+        let count = Grouped(rows.len() as u64);
+        report.line("", format_args!("{what}: {count} heliostats ({}{more})", ids.join(", ")));
+    };
+    name_some("never reaches its aim", &|worked| worked == 0);
+    name_some("sometimes does not", &|worked| worked > 0 && worked < suns.len());
+    Ok(())
+}
+
+/// Suns above the horizon: of a year where there is a site, else all over the sky.
+fn sample(loaded: &LoadedField) -> Result<(Vec<EnuUnit>, &'static str), Failure> {
+    let all = match &loaded.site {
+        Some(site) => {
+            // Every tenth day and half hour of 2026: later years hardly differ.
+            let first_s = 1_767_225_600;
+            let times: Vec<i64> = (0..37 * 48)
+                .map(|k| (first_s + k / 48 * 10 * DAY_S + k % 48 * 1800) * 1_000_000_000)
+                .collect();
+            let (azimuth_rad, elevation_rad) = SunClock::of(site)?.suns(&times)?;
+            toward(&azimuth_rad, &elevation_rad)
+        }
+        None => (0..24 * 9)
+            .map(|k| {
+                let (azimuth_deg, elevation_deg) = (k % 24 * 15, k / 24 * 10 + 5);
+                EnuUnit::from_azimuth_elevation(
+                    f64::from(azimuth_deg).to_radians(),
+                    f64::from(elevation_deg).to_radians(),
+                )
+            })
+            .collect(),
+    };
+    let of = match &loaded.site {
+        Some(_) => "suns of a year (every half hour of every tenth day)",
+        None => "suns all over the sky",
+    };
+    let up = all.into_iter().filter(|sun| sun.as_enu().up > 0.0).collect();
+    Ok((up, of))
+}

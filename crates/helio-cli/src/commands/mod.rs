@@ -1,0 +1,8 @@
+//! One file per verb.
+
+pub(crate) mod check;
+pub(crate) mod init;
+pub(crate) mod predict;
+pub(crate) mod schema;
+pub(crate) mod simulate;
+pub(crate) mod track;

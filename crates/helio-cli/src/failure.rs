@@ -1,0 +1,67 @@
+//! Why a run was refused or broke off.
+
+use std::error::Error;
+use std::fmt;
+
+use helio_core::error::{FieldError, FrameError, TrackError};
+use helio_core::sun::SunError;
+use helio_io::IoError;
+use helio_report::FigureError;
+
+/// Why a run ended before its end.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum Failure {
+    /// A file, a time or a table; the message names it and says why.
+    #[error(transparent)]
+    Io(#[from] IoError),
+    #[error(transparent)]
+    Track(#[from] TrackError),
+    #[error(transparent)]
+    Field(#[from] FieldError),
+    #[error(transparent)]
+    Frame(#[from] FrameError),
+    #[error(transparent)]
+    Sun(#[from] SunError),
+    #[error(transparent)]
+    Figure(#[from] FigureError),
+    /// What was asked for cannot be done; the whole sentence.
+    #[error("{0}")]
+    Refused(String),
+    /// The user stopped it.
+    #[error("interrupted; nothing was written")]
+    Interrupted,
+}
+
+impl Failure {
+    pub(crate) fn refused(message: impl Into<String>) -> Self {
+        Self::Refused(message.into())
+    }
+
+    /// True if the reader of our output has gone.
+    pub(crate) fn is_closed_pipe(&self) -> bool {
+        matches!(self, Self::Io(e) if e.io_kind() == Some(std::io::ErrorKind::BrokenPipe))
+    }
+
+    pub(crate) fn exit_code(&self) -> u8 {
+        match self {
+            // As shells report a program that ended by this signal.
+            Self::Interrupted => 130,
+            _ => 2,
+        }
+    }
+
+    /// The failure and what caused it, in one line (and the lines that quote a file).
+    pub(crate) fn chain(&self) -> impl fmt::Display {
+        let mut text = self.to_string();
+        // Errors of files say in their own words what the system said.
+        if !matches!(self, Self::Io(_)) {
+            let mut cause = self.source();
+            while let Some(error) = cause {
+                text.push_str(": ");
+                text.push_str(&error.to_string());
+                cause = error.source();
+            }
+        }
+        text
+    }
+}

@@ -1,0 +1,53 @@
+//! `helio-rs`: axis angles of whole heliostat fields from the command line.
+//!
+//! `args` holds what was typed, `plan` what it means, `commands` does it, `printer` talks.
+
+mod args;
+mod commands;
+mod failure;
+mod plan;
+mod plot;
+mod printer;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use args::{Args, Verb};
+use failure::Failure;
+use printer::Printer;
+
+/// What a run came to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Outcome {
+    /// Everything was computed.
+    Good,
+    /// Some rows have a status other than `ok` or `sun_below_horizon`.
+    SomeRowsFailed,
+}
+
+fn main() -> ExitCode {
+    let args = Args::parse();
+    let printer = Printer::new(args.verb.is_quiet());
+    match run(&args, &printer) {
+        Ok(Outcome::Good) => ExitCode::SUCCESS,
+        Ok(Outcome::SomeRowsFailed) => ExitCode::from(1),
+        // Whoever read our output has enough: nothing went wrong here.
+        Err(failure) if failure.is_closed_pipe() => ExitCode::SUCCESS,
+        Err(failure) => {
+            printer.error(&failure);
+            ExitCode::from(failure.exit_code())
+        }
+    }
+}
+
+fn run(args: &Args, printer: &Printer) -> Result<Outcome, Failure> {
+    match &args.verb {
+        Verb::Init(init) => commands::init::run(init, printer),
+        Verb::Check(check) => commands::check::run(check, printer),
+        Verb::Track(track) => commands::track::run(track, printer),
+        Verb::Predict(predict) => commands::predict::run(predict, printer),
+        Verb::Simulate { what } => commands::simulate::run(what, printer),
+        Verb::Schema => commands::schema::run(printer),
+    }
+}

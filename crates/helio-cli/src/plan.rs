@@ -1,0 +1,379 @@
+//! What was typed means: radians, a loaded field, suns, an open writer.
+
+use std::path::{Path, PathBuf};
+
+use helio_core::EnuUnit;
+use helio_core::angle::{degrees, radians};
+use helio_core::sun::{SunSite, positions};
+use helio_io::output::{Destination, Format, Layout, Moment, Moments, TableWriter};
+use helio_io::{LoadedField, Site, TimeRange, format_time, load_field, load_suns, parse_time};
+use jiff::fmt::temporal::Pieces;
+
+use crate::args::{FormatWord, OutArgs, SunArgs, TrackArgs};
+use crate::failure::Failure;
+use crate::printer::Printer;
+
+/// Reads a field and passes its warnings on.
+pub(crate) fn field(path: &Path, printer: &Printer) -> Result<LoadedField, Failure> {
+    let loaded = load_field(path)?;
+    for warning in &loaded.warnings {
+        printer.warn(warning);
+    }
+    Ok(loaded)
+}
+
+/// Sets the number of threads for everything that follows.
+pub(crate) fn threads(wanted: Option<u16>) -> Result<usize, Failure> {
+    let Some(threads) = wanted.map(usize::from) else {
+        return Ok(0);
+    };
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build_global()
+        .map_err(|e| Failure::refused(format!("--threads {threads}: {e}")))?;
+    Ok(threads)
+}
+
+/// The sun's clock and place.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct SunClock {
+    site: SunSite,
+    delta_t_s: Option<f64>,
+    ut1_utc_s: f64,
+}
+
+impl SunClock {
+    pub(crate) fn of(site: &Site) -> Result<Self, Failure> {
+        let mut sun_site = SunSite::new(site.latitude_rad, site.longitude_rad, site.elevation_m)?;
+        if let Some(pressure_hpa) = site.pressure_hpa {
+            sun_site = sun_site.with_pressure_hpa(pressure_hpa)?;
+        }
+        if let Some(temperature_c) = site.temperature_c {
+            sun_site = sun_site.with_temperature_c(temperature_c)?;
+        }
+        Ok(Self {
+            site: sun_site,
+            delta_t_s: site.delta_t_s,
+            ut1_utc_s: site.ut1_utc_s.unwrap_or(0.0),
+        })
+    }
+
+    /// Azimuths and apparent elevations \[rad\].
+    pub(crate) fn suns(&self, unix_ns: &[i64]) -> Result<(Vec<f64>, Vec<f64>), Failure> {
+        let suns = positions(&self.site, unix_ns, self.delta_t_s, self.ut1_utc_s)?;
+        Ok((suns.azimuth_rad, suns.apparent_elevation_rad))
+    }
+
+    /// The clock of a field that must have one.
+    pub(crate) fn needed(loaded: &LoadedField) -> Result<Self, Failure> {
+        match &loaded.site {
+            Some(site) => Self::of(site),
+            None => Err(Failure::refused(format!(
+                "{}: there is no [site], which the sun's position at a time needs; add it, or give \
+                 --sun-azimuth-deg and --sun-elevation-deg",
+                loaded.files.first().map_or(Path::new("field.toml"), PathBuf::as_path).display()
+            ))),
+        }
+    }
+}
+
+/// The suns of a run.
+#[derive(Debug)]
+pub(crate) enum Suns {
+    /// At times.
+    Times {
+        range: TimeRange,
+        clock: SunClock,
+        /// Offset from UTC in which the times were given \[s\], for labels.
+        offset_s: i32,
+    },
+    /// Given by their angles \[deg\].
+    Angles {
+        azimuth_deg: Vec<f64>,
+        elevation_deg: Vec<f64>,
+    },
+}
+
+/// Some of the suns of a run.
+#[derive(Debug, Default)]
+pub(crate) struct SunBlock {
+    pub(crate) unix_ns: Vec<i64>,
+    pub(crate) azimuth_deg: Vec<f64>,
+    pub(crate) elevation_deg: Vec<f64>,
+    /// Toward the sun; below the horizon where the sun is.
+    pub(crate) suns: Vec<EnuUnit>,
+}
+
+impl SunBlock {
+    pub(crate) fn moments(&self) -> Moments<'_> {
+        if self.unix_ns.is_empty() {
+            Moments::SunAngles {
+                azimuth_deg: &self.azimuth_deg,
+                elevation_deg: &self.elevation_deg,
+            }
+        } else {
+            Moments::Times {
+                unix_ns: &self.unix_ns,
+            }
+        }
+    }
+
+    /// A sun in words.
+    pub(crate) fn describe(&self, sun: usize) -> String {
+        let (azimuth_deg, elevation_deg) = (self.azimuth_deg[sun], self.elevation_deg[sun]);
+        let stands = if elevation_deg < 0.0 {
+            "below the horizon"
+        } else {
+            "above the horizon"
+        };
+        let height = elevation_deg.abs();
+        match self.unix_ns.get(sun) {
+            Some(&unix_ns) => format!(
+                "{}: azimuth {azimuth_deg:.3}°, {height:.3}° {stands}",
+                format_time(unix_ns)
+            ),
+            None => format!("azimuth {azimuth_deg:.3}°, {height:.3}° {stands}"),
+        }
+    }
+}
+
+impl Suns {
+    /// The suns that `track` was asked for.
+    pub(crate) fn of_track(
+        args: &TrackArgs,
+        loaded: &LoadedField,
+        printer: &Printer,
+    ) -> Result<Self, Failure> {
+        let timed = args.sun.time.is_some() || args.from.is_some();
+        if let Some(path) = &args.suns {
+            win_over_time(timed, "--suns", printer);
+            let suns = load_suns(path)?;
+            return Ok(Self::Angles {
+                azimuth_deg: suns.azimuth_rad.into_iter().map(degrees_as_written).collect(),
+                elevation_deg: suns.elevation_rad.into_iter().map(degrees_as_written).collect(),
+            });
+        }
+        if let Some(given) = Self::given(&args.sun) {
+            win_over_time(timed, "--sun-azimuth-deg and --sun-elevation-deg", printer);
+            return Ok(given);
+        }
+        if let (Some(from), Some(to), Some(step)) = (&args.from, &args.to, &args.step) {
+            let range = TimeRange::parse(from, to, step)?;
+            return Self::times(range, from, loaded);
+        }
+        Self::one(&args.sun, loaded, printer)
+    }
+
+    /// The one sun of a command without ranges; now if none was given.
+    pub(crate) fn one(
+        args: &SunArgs,
+        loaded: &LoadedField,
+        printer: &Printer,
+    ) -> Result<Self, Failure> {
+        if let Some(given) = Self::given(args) {
+            win_over_time(args.time.is_some(), "--sun-azimuth-deg and --sun-elevation-deg", printer);
+            return Ok(given);
+        }
+        match &args.time {
+            Some(text) => {
+                let unix_ns = parse_time(text)?;
+                Self::times(TimeRange::new(unix_ns, unix_ns, 1)?, text, loaded)
+            }
+            None => {
+                // Whole seconds: nobody wants to type more to see the same sun again.
+                let now = jiff::Timestamp::now().as_second();
+                let unix_ns = now.saturating_mul(1_000_000_000);
+                let suns = Self::times(TimeRange::new(unix_ns, unix_ns, 1)?, "", loaded)?;
+                printer.note(format_args!("no time or sun given: now, {}", format_time(unix_ns)));
+                Ok(suns)
+            }
+        }
+    }
+
+    fn given(args: &SunArgs) -> Option<Self> {
+        let (azimuth_deg, elevation_deg) = (args.sun_azimuth_deg?, args.sun_elevation_deg?);
+        Some(Self::Angles {
+            azimuth_deg: vec![azimuth_deg],
+            elevation_deg: vec![elevation_deg],
+        })
+    }
+
+    fn times(range: TimeRange, text: &str, loaded: &LoadedField) -> Result<Self, Failure> {
+        let offset = Pieces::parse(text.trim())
+            .ok()
+            .and_then(|pieces| pieces.to_numeric_offset());
+        Ok(Self::Times {
+            range,
+            clock: SunClock::needed(loaded)?,
+            offset_s: offset.map_or(0, jiff::tz::Offset::seconds),
+        })
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        match self {
+            Self::Times { range, .. } => range.len(),
+            Self::Angles { azimuth_deg, .. } => azimuth_deg.len(),
+        }
+    }
+
+    pub(crate) fn moment(&self) -> Moment {
+        match self {
+            Self::Times { .. } => Moment::Time,
+            Self::Angles { .. } => Moment::SunAngles,
+        }
+    }
+
+    /// Some of the suns, from `first` on.
+    pub(crate) fn block(&self, first: usize, count: usize) -> Result<SunBlock, Failure> {
+        let mut block = SunBlock::default();
+        match self {
+            Self::Times { range, clock, .. } => {
+                let last = (first + count).min(range.len());
+                let at = |i: usize| {
+                    let later = i128::from(range.step_ns()) * i as i128;
+                    // Within the range, whose ends are both of this type.
+                    (i128::from(range.from_unix_ns()) + later) as i64
+                };
+                block.unix_ns = (first..last).map(at).collect();
+                let (azimuth_rad, elevation_rad) = clock.suns(&block.unix_ns)?;
+                block.suns = toward(&azimuth_rad, &elevation_rad);
+                block.azimuth_deg = azimuth_rad.into_iter().map(degrees).collect();
+                block.elevation_deg = elevation_rad.into_iter().map(degrees).collect();
+            }
+            Self::Angles {
+                azimuth_deg,
+                elevation_deg,
+            } => {
+                let last = (first + count).min(azimuth_deg.len());
+                block.azimuth_deg = azimuth_deg[first..last].to_vec();
+                block.elevation_deg = elevation_deg[first..last].to_vec();
+                let in_radians = |deg: &[f64]| -> Vec<f64> { deg.iter().map(|&d| radians(d)).collect() };
+                block.suns =
+                    toward(&in_radians(&block.azimuth_deg), &in_radians(&block.elevation_deg));
+            }
+        }
+        Ok(block)
+    }
+}
+
+fn win_over_time(timed: bool, what: &str, printer: &Printer) {
+    if timed {
+        printer.note(format_args!("the sun is given by {what}; the time is not used"));
+    }
+}
+
+pub(crate) fn toward(azimuth_rad: &[f64], elevation_rad: &[f64]) -> Vec<EnuUnit> {
+    azimuth_rad
+        .iter()
+        .zip(elevation_rad)
+        .map(|(&azimuth, &elevation)| EnuUnit::from_azimuth_elevation(azimuth, elevation))
+        .collect()
+}
+
+/// Hour angle of a sun \[rad\], west positive, from where it stands over a latitude.
+pub(crate) fn hour_angle_rad(sun: EnuUnit, latitude_rad: f64) -> f64 {
+    let s = sun.as_enu();
+    let (sin, cos) = latitude_rad.sin_cos();
+    (-s.east).atan2(cos * s.up - sin * s.north)
+}
+
+/// Degrees whose conversion gave these radians, as somebody would have written them.
+///
+/// A tenth of a degree is no double, so that degrees → radians → degrees may end a digit beside
+/// where it began; of what is converted to the same radians the shortest is meant.
+pub(crate) fn degrees_as_written(angle_rad: f64) -> f64 {
+    let exact = degrees(angle_rad);
+    let short = (exact * 1e9).round() / 1e9;
+    if radians(short) == angle_rad { short } else { exact }
+}
+
+/// The format of an output.
+pub(crate) fn format(out: Option<&Path>, word: Option<FormatWord>) -> Result<Format, Failure> {
+    match (word, out.filter(|path| !is_stdout(path))) {
+        (Some(word), _) => Ok(word.into()),
+        (None, None) => Ok(Format::Csv),
+        (None, Some(path)) if path.extension().is_none() => Ok(Format::Csv),
+        (None, Some(path)) => Format::of_path(path).ok_or_else(|| {
+            Failure::refused(format!(
+                "{}: the suffix stands for no format; wanted .csv, .parquet, .json or .jsonl, or \
+                 --format",
+                path.display()
+            ))
+        }),
+    }
+}
+
+fn is_stdout(path: &Path) -> bool {
+    path == Path::new("-")
+}
+
+/// Opens the table of a run.
+pub(crate) fn writer(
+    out: &OutArgs,
+    format: Format,
+    layout: Layout,
+    inputs: &[PathBuf],
+    printer: &Printer,
+) -> Result<TableWriter, Failure> {
+    let destination = destination(out.out.as_deref(), format, inputs, printer)?;
+    Ok(TableWriter::create(destination, format, layout)?)
+}
+
+/// Where a table goes.
+pub(crate) fn destination(
+    out: Option<&Path>,
+    format: Format,
+    inputs: &[PathBuf],
+    printer: &Printer,
+) -> Result<Destination, Failure> {
+    match out.filter(|path| !is_stdout(path)) {
+        None if format == Format::Parquet && printer.stdout_is_terminal() => Err(Failure::refused(
+            "Parquet is not text for a terminal; give --out FILE, or another --format",
+        )),
+        None => Ok(printer.stdout_table()),
+        Some(path) => {
+            not_an_input(path, inputs)?;
+            Ok(Destination::File(path.to_owned()))
+        }
+    }
+}
+
+/// Refuses to replace what the run reads.
+pub(crate) fn not_an_input(path: &Path, inputs: &[PathBuf]) -> Result<(), Failure> {
+    let Ok(there) = path.canonicalize() else {
+        return Ok(());
+    };
+    let same = |input: &&PathBuf| input.canonicalize().is_ok_and(|input| input == there);
+    match inputs.iter().find(same) {
+        Some(input) => Err(Failure::refused(format!(
+            "{}: this run reads it ({}); write to another file",
+            path.display(),
+            input.display()
+        ))),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn degrees_come_back_as_written() {
+        for tenths in -3600..=3600 {
+            let written = f64::from(tenths) / 10.0;
+            assert_eq!(degrees_as_written(radians(written)), written);
+        }
+        let odd = 123.456_789_012_345_67;
+        assert!((degrees_as_written(radians(odd)) - odd).abs() < 1e-13);
+    }
+
+    #[test]
+    fn hour_angles_are_west_positive() {
+        let latitude_rad = 0.7;
+        let noon = EnuUnit::from_azimuth_elevation(radians(180.0), 0.8);
+        assert!(hour_angle_rad(noon, latitude_rad).abs() < 1e-15);
+        let evening = EnuUnit::from_azimuth_elevation(radians(270.0), 0.2);
+        assert!(hour_angle_rad(evening, latitude_rad) > 0.5);
+    }
+}

@@ -1,0 +1,251 @@
+//! Everything that is said: data on standard output, talk and progress on standard error.
+
+use std::fmt::{Arguments, Display};
+use std::io::{IsTerminal, Write};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use helio_core::Status;
+use helio_io::IoError;
+use helio_io::output::Destination;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use crate::failure::Failure;
+
+/// A run shorter than this needs no progress where nobody watches a terminal.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// Time between lines of progress that are not drawn over each other.
+const BETWEEN_LINES: Duration = Duration::from_secs(10);
+
+const STDOUT: &str = "standard output";
+
+/// Talks, unless asked to be quiet.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Printer {
+    quiet: bool,
+}
+
+impl Printer {
+    pub(crate) fn new(quiet: bool) -> Self {
+        Self { quiet }
+    }
+
+    /// A line on standard error.
+    pub(crate) fn say(&self, line: Arguments<'_>) {
+        if !self.quiet {
+            // Talk that nobody can hear is no failure.
+            let _ = writeln!(std::io::stderr(), "{line}");
+        }
+    }
+
+    pub(crate) fn note(&self, line: Arguments<'_>) {
+        self.say(format_args!("note: {line}"));
+    }
+
+    pub(crate) fn warn(&self, line: impl Display) {
+        self.say(format_args!("warning: {line}"));
+    }
+
+    /// Errors are said even if asked to be quiet.
+    pub(crate) fn error(&self, failure: &Failure) {
+        let _ = writeln!(std::io::stderr(), "error: {}", failure.chain());
+    }
+
+    /// Text as data.
+    pub(crate) fn data(&self, text: &str) -> Result<(), Failure> {
+        let mut out = std::io::stdout().lock();
+        out.write_all(text.as_bytes())
+            .and_then(|()| out.flush())
+            .map_err(|e| Failure::Io(IoError::write(Path::new(STDOUT), e)))
+    }
+
+    /// Standard output as the destination of a table.
+    pub(crate) fn stdout_table(&self) -> Destination {
+        Destination::Stream {
+            name: STDOUT.to_owned(),
+            writer: Box::new(std::io::stdout()),
+        }
+    }
+
+    pub(crate) fn stdout_is_terminal(&self) -> bool {
+        std::io::stdout().is_terminal()
+    }
+
+    /// Progress of a run of `total` suns.
+    pub(crate) fn progress(&self, total: u64) -> Progress {
+        let now = Instant::now();
+        let bar = if self.quiet {
+            None
+        } else if std::io::stderr().is_terminal() {
+            let bar = ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr());
+            let style = "{bar:30} {percent} %  {pos}/{len} suns  {elapsed} gone, {eta} left";
+            bar.set_style(
+                ProgressStyle::with_template(style).unwrap_or_else(|_| ProgressStyle::default_bar()),
+            );
+            Some(bar)
+        } else {
+            Some(ProgressBar::hidden())
+        };
+        if let Some(bar) = &bar {
+            bar.set_length(total);
+        }
+        Progress {
+            printer: *self,
+            bar,
+            began: now,
+            next_line: now + PATIENCE,
+            done: 0,
+            total,
+        }
+    }
+}
+
+/// Progress with the time left: a bar on a terminal, a line now and then elsewhere.
+pub(crate) struct Progress {
+    printer: Printer,
+    bar: Option<ProgressBar>,
+    began: Instant,
+    next_line: Instant,
+    done: u64,
+    total: u64,
+}
+
+impl Progress {
+    pub(crate) fn advance(&mut self, suns: u64) {
+        self.done += suns;
+        let Some(bar) = &self.bar else { return };
+        bar.inc(suns);
+        if bar.is_hidden() && Instant::now() >= self.next_line && self.done < self.total {
+            self.next_line = Instant::now() + BETWEEN_LINES;
+            let part = self.done as f64 / self.total.max(1) as f64;
+            let left_s = self.began.elapsed().as_secs_f64() * (1.0 - part) / part.max(1e-9);
+            let (percent, left) = (100.0 * part, clock(left_s));
+            self.printer
+                .say(format_args!("{percent:.0} % of {} suns, {left} left", Grouped(self.total)));
+        }
+    }
+
+    /// Takes the bar away and tells the time since the start.
+    pub(crate) fn finish(self) -> Duration {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+        self.began.elapsed()
+    }
+}
+
+fn clock(seconds: f64) -> String {
+    let seconds = seconds.round() as u64;
+    match (seconds / 3600, seconds / 60 % 60, seconds % 60) {
+        (0, 0, s) => format!("{s} s"),
+        (0, m, s) => format!("{m} min {s} s"),
+        (h, m, _) => format!("{h} h {m} min"),
+    }
+}
+
+/// Rows of each status.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Tally([u64; Status::ALL.len()]);
+
+impl Tally {
+    pub(crate) fn add(&mut self, status: &[Status]) {
+        for part in status.chunks(1 << 14) {
+            // The compiler counts one word of a whole stretch at once, but not seven.
+            let ok = part.iter().map(|&s| u32::from(s == Status::Ok)).sum::<u32>();
+            self.0[0] += u64::from(ok);
+            if (ok as usize) < part.len() {
+                for &s in part.iter().filter(|&&s| s != Status::Ok) {
+                    self.0[usize::from(s.code())] += 1;
+                }
+            }
+        }
+    }
+
+    pub(crate) fn total(&self) -> u64 {
+        self.0.iter().sum()
+    }
+
+    /// Rows without an answer that the night does not excuse.
+    pub(crate) fn failed(&self) -> u64 {
+        self.total() - self.count(Status::Ok) - self.count(Status::SunBelowHorizon)
+    }
+
+    pub(crate) fn count(&self, status: Status) -> u64 {
+        self.0[usize::from(status.code())]
+    }
+
+    /// Every status with its rows.
+    pub(crate) fn rows(&self) -> Vec<(Status, u64)> {
+        Status::ALL.into_iter().map(|s| (s, self.count(s))).collect()
+    }
+}
+
+impl Display for Tally {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let mut separator = "";
+        for (status, count) in self.rows() {
+            if count > 0 {
+                write!(f, "{separator}{} {status}", Grouped(count))?;
+                separator = ", ";
+            }
+        }
+        if separator.is_empty() {
+            f.write_str("no rows")?;
+        }
+        Ok(())
+    }
+}
+
+/// A whole number with its digits in threes.
+pub(crate) struct Grouped(pub(crate) u64);
+
+impl Display for Grouped {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let digits = self.0.to_string();
+        for (i, digit) in digits.chars().enumerate() {
+            if i > 0 && (digits.len() - i).is_multiple_of(3) {
+                f.write_str(",")?;
+            }
+            write!(f, "{digit}")?;
+        }
+        Ok(())
+    }
+}
+
+/// A number of bytes as people say it.
+pub(crate) struct Bytes(pub(crate) u64);
+
+impl Display for Bytes {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let bytes = self.0 as f64;
+        match self.0 {
+            0..1_000 => write!(f, "{} bytes", self.0),
+            1_000..1_000_000 => write!(f, "{:.1} kB", bytes / 1e3),
+            1_000_000..1_000_000_000 => write!(f, "{:.1} MB", bytes / 1e6),
+            _ => write!(f, "{:.2} GB", bytes / 1e9),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_read_well() {
+        assert_eq!(Grouped(0).to_string(), "0");
+        assert_eq!(Grouped(104_000_000).to_string(), "104,000,000");
+        assert_eq!(Grouped(1_234).to_string(), "1,234");
+        assert_eq!(Bytes(1_875_438_816).to_string(), "1.88 GB");
+        assert_eq!(clock(3_700.0), "1 h 1 min");
+    }
+
+    #[test]
+    fn a_tally_tells_failures_from_the_night() {
+        let mut tally = Tally::default();
+        tally.add(&[Status::Ok; 20_000]);
+        tally.add(&[Status::SunBelowHorizon, Status::Unreachable]);
+        assert_eq!(tally.failed(), 1);
+        assert_eq!(tally.to_string(), "20,000 ok, 1 unreachable, 1 sun_below_horizon");
+    }
+}

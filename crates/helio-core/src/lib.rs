@@ -1,0 +1,25 @@
+#![doc = include_str!("../README.md")]
+#![cfg_attr(not(feature = "std"), no_std)]
+
+extern crate alloc;
+
+pub mod angle;
+pub mod drive;
+pub mod error;
+pub mod field;
+pub mod frame;
+mod lanes;
+pub mod layout;
+pub mod mount;
+pub mod offset;
+mod status;
+pub mod sun;
+pub mod tracking;
+
+pub use field::{Field, Heliostat};
+pub use frame::{Enu, EnuUnit, TargetPlane};
+pub use lanes::SimdLevel;
+pub use mount::{AxisLimits, MountErrors, TrackingMode};
+pub use offset::OffsetForm;
+pub use status::Status;
+pub use tracking::{Present, TrackOptions, Tracker, Tracking};

@@ -1,0 +1,162 @@
+//! The mount: where its axes point, by how much it departs from the ideal, and how far it turns.
+
+mod base;
+
+use core::f64::consts::PI;
+
+pub use base::MountAxes;
+
+use crate::angle::wrap_pi;
+
+/// The four ways of turning a mirror about two axes (Guo 2015 fig. 1).
+///
+/// They differ only in where the fixed axis nominally points; every mode has all error parameters,
+/// forward and inverse. See [`MountAxes`] for the axes of each.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[non_exhaustive]
+pub enum TrackingMode {
+    /// Fixed axis vertical; axis angles are azimuth (from north through east) and elevation.
+    #[default]
+    AzimuthElevation,
+    /// Fixed axis toward the aim point (target-oriented). Axis 1 is zero where the plane through
+    /// the fixed axis stands upright; it is minus the spinning angle rho of Guo 2015 eq. (5).
+    /// Axis 2 is 90° when the mirror faces the aim.
+    SpinningElevation,
+    /// Fixed axis level. Axis angles are zero when the mirror lies face up.
+    PitchRoll {
+        /// Where the fixed axis points \[rad\], clockwise from north; π/2 is east.
+        axis_azimuth_rad: f64,
+    },
+    /// Fixed axis toward the elevated pole. In the northern hemisphere axis 1 is the hour angle of
+    /// the normal (west positive) and axis 2 its declination.
+    Polar {
+        /// Latitude of the site \[rad\], north positive.
+        latitude_rad: f64,
+    },
+}
+
+impl TrackingMode {
+    /// The word used in files.
+    #[must_use]
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::AzimuthElevation => "azimuth-elevation",
+            Self::SpinningElevation => "spinning-elevation",
+            Self::PitchRoll { .. } => "pitch-roll",
+            Self::Polar { .. } => "polar",
+        }
+    }
+}
+
+/// The six angular errors of a mount (Guo 2015 §3 and §4.1). All zero is a perfect mount.
+///
+/// ```
+/// use helio_core::MountErrors;
+/// let leaning = MountErrors { pedestal_tilt_rad: 0.002, ..MountErrors::default() };
+/// assert_eq!(leaning.canonical(), leaning);
+/// ```
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct MountErrors {
+    /// Lean of the fixed axis \[rad\], psi_t.
+    pub pedestal_tilt_rad: f64,
+    /// Where the fixed axis leans to \[rad\], psi_a: from mount axis 1 toward mount axis 2, which
+    /// for an azimuth-elevation mount is clockwise from north.
+    pub pedestal_tilt_azimuth_rad: f64,
+    /// Moving axis away from square to the fixed axis \[rad\], tau1; magnitude below π/2.
+    pub axis_nonorthogonality_rad: f64,
+    /// Mirror plane away from parallel with the moving axis \[rad\], mu; magnitude below π/2.
+    pub mirror_tilt_rad: f64,
+    /// Reference of the first axis' encoder \[rad\], gamma0: its reading is the true angle plus this.
+    pub azimuth_reference_rad: f64,
+    /// Reference of the second axis' encoder \[rad\], alpha0: its reading is the true angle plus this.
+    pub elevation_reference_rad: f64,
+}
+
+impl MountErrors {
+    /// The same mount in its one canonical form: tilt not negative, tilt azimuth in [0, 2π),
+    /// non-orthogonality and mirror tilt within ±π/2, references in [-π, π).
+    ///
+    /// Equivalent parameters (theory: "Equivalent parameters") give the same normal at the same
+    /// encoder angles.
+    ///
+    /// ```
+    /// use helio_core::MountErrors;
+    /// let errors = MountErrors { pedestal_tilt_rad: -0.01, ..MountErrors::default() };
+    /// let canonical = errors.canonical();
+    /// assert_eq!(canonical.pedestal_tilt_rad, 0.01);
+    /// assert!((canonical.pedestal_tilt_azimuth_rad - std::f64::consts::PI).abs() < 1e-15);
+    /// ```
+    #[must_use]
+    pub fn canonical(self) -> Self {
+        let mut e = self;
+        e.pedestal_tilt_rad = wrap_pi(e.pedestal_tilt_rad);
+        if e.pedestal_tilt_rad < 0.0 {
+            e.pedestal_tilt_rad = -e.pedestal_tilt_rad;
+            e.pedestal_tilt_azimuth_rad += PI;
+        }
+        e.mirror_tilt_rad = wrap_pi(e.mirror_tilt_rad);
+        if !(-PI / 2.0..=PI / 2.0).contains(&e.mirror_tilt_rad) {
+            e.mirror_tilt_rad = wrap_pi(PI - e.mirror_tilt_rad);
+            e.elevation_reference_rad += PI;
+        }
+        e.axis_nonorthogonality_rad = wrap_pi(e.axis_nonorthogonality_rad);
+        if !(-PI / 2.0..=PI / 2.0).contains(&e.axis_nonorthogonality_rad) {
+            e.axis_nonorthogonality_rad = wrap_pi(PI - e.axis_nonorthogonality_rad);
+            e.azimuth_reference_rad += PI;
+            e.elevation_reference_rad += PI;
+        }
+        e.pedestal_tilt_azimuth_rad = crate::angle::wrap_tau(e.pedestal_tilt_azimuth_rad);
+        e.azimuth_reference_rad = wrap_pi(e.azimuth_reference_rad);
+        e.elevation_reference_rad = wrap_pi(e.elevation_reference_rad);
+        e
+    }
+}
+
+/// How far the axes turn, on encoder angles \[rad\]; infinite where there is no limit.
+///
+/// A range may exceed a full turn, for encoders that count on: the representative nearest to the
+/// middle of the range is chosen, or the nearest to a given present position.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AxisLimits {
+    /// Least angle of the first axis.
+    pub axis1_min_rad: f64,
+    /// Greatest angle of the first axis.
+    pub axis1_max_rad: f64,
+    /// Least angle of the second axis.
+    pub axis2_min_rad: f64,
+    /// Greatest angle of the second axis.
+    pub axis2_max_rad: f64,
+}
+
+impl AxisLimits {
+    /// No limits: the direct solution, with axis 1 in [0, 2π).
+    pub const NONE: Self = Self {
+        axis1_min_rad: f64::NEG_INFINITY,
+        axis1_max_rad: f64::INFINITY,
+        axis2_min_rad: f64::NEG_INFINITY,
+        axis2_max_rad: f64::INFINITY,
+    };
+
+    /// True if no axis is limited on either side.
+    #[must_use]
+    pub fn is_none(&self) -> bool {
+        *self == Self::NONE
+    }
+
+    /// The part that two sets of limits have in common; may be empty.
+    #[must_use]
+    pub fn intersect(self, other: Self) -> Self {
+        Self {
+            axis1_min_rad: self.axis1_min_rad.max(other.axis1_min_rad),
+            axis1_max_rad: self.axis1_max_rad.min(other.axis1_max_rad),
+            axis2_min_rad: self.axis2_min_rad.max(other.axis2_min_rad),
+            axis2_max_rad: self.axis2_max_rad.min(other.axis2_max_rad),
+        }
+    }
+}
+
+impl Default for AxisLimits {
+    fn default() -> Self {
+        Self::NONE
+    }
+}

@@ -1,0 +1,194 @@
+//! One body, compiled for each instruction set, and the choice between them.
+#![allow(unsafe_code)]
+
+use super::limits::{LimitSource, Limits, PerHeliostat, Uniform, Unlimited};
+use super::normal::{Approximate, Exact, Iterated, OffsetSource};
+use super::{AnySun, Job, PresentRows, Rows, SunSource};
+use crate::frame::EnuUnit;
+use crate::lanes::{BLOCK, Lanes, SimdLevel};
+use crate::offset::OffsetForm;
+use crate::tracking::prepared::Prepared;
+
+/// Computes the rows of `out`, which begin at row `first` of the field, for one sun.
+/// `level` must be available on this processor. True if a row lies outside its limits.
+pub(crate) fn track_rows(
+    prepared: &Prepared,
+    form: OffsetForm,
+    sun: EnuUnit,
+    first: usize,
+    present: Option<PresentRows<'_>>,
+    level: SimdLevel,
+    stream: bool,
+    out: &mut Rows<'_>,
+) -> bool {
+    let call = Call { prepared, first, present, level, stream };
+    match form {
+        OffsetForm::Exact => call.with_offset(Exact, sun, out),
+        OffsetForm::Approximate => call.with_offset(Approximate, sun, out),
+        OffsetForm::Iterated(count) => call.with_offset(Iterated(count), sun, out),
+        OffsetForm::None => call.with_offset(Iterated(0), sun, out),
+    }
+}
+
+struct Call<'a> {
+    prepared: &'a Prepared,
+    first: usize,
+    present: Option<PresentRows<'a>>,
+    level: SimdLevel,
+    stream: bool,
+}
+
+impl Call<'_> {
+    fn with_offset<O: OffsetSource>(&self, offset: O, sun: EnuUnit, out: &mut Rows<'_>) -> bool {
+        match &self.prepared.limits {
+            Limits::None => {
+                self.with_limits(offset, Unlimited(&self.prepared.constants), sun, out)
+            },
+            Limits::Uniform(values) => self.with_limits(offset, Uniform(values), sun, out),
+            Limits::PerHeliostat(columns) => {
+                self.with_limits(offset, PerHeliostat(columns), sun, out)
+            }
+        }
+    }
+
+    fn with_limits<O: OffsetSource, M: LimitSource>(
+        &self,
+        offset: O,
+        limits: M,
+        sun: EnuUnit,
+        out: &mut Rows<'_>,
+    ) -> bool {
+        let Prepared { constants, axis_limits, .. } = self.prepared;
+        match self.prepared.sun(sun) {
+            AnySun::Shared(sun) => self.run(Job { constants, offset, limits, axis_limits, sun }, out),
+            AnySun::Turned(sun) => self.run(Job { constants, offset, limits, axis_limits, sun }, out),
+        }
+    }
+
+    fn run<O: OffsetSource, M: LimitSource, S: SunSource>(
+        &self,
+        job: Job<'_, O, M, S>,
+        out: &mut Rows<'_>,
+    ) -> bool {
+        match (self.level, self.stream) {
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: `Tracker` accepts a level only if `SimdLevel::available` lists it.
+            (SimdLevel::Avx512, false) => unsafe {
+                x86::avx512(job, self.first, self.present, out)
+            },
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: as above.
+            (SimdLevel::Avx512, true) => unsafe {
+                x86::avx512_stream(job, self.first, self.present, out)
+            },
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: as above.
+            (SimdLevel::Avx2, _) => unsafe { x86::avx2(job, self.first, self.present, out) },
+            _ => job.run::<f64, false>(self.first, self.present, out),
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    use super::{Job, LimitSource, OffsetSource, PresentRows, Rows, SunSource};
+    use crate::lanes::x86::{V4, V8};
+
+    #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,fma")]
+    pub fn avx512<O: OffsetSource, M: LimitSource, S: SunSource>(
+        job: Job<'_, O, M, S>,
+        first: usize,
+        present: Option<PresentRows<'_>>,
+        out: &mut Rows<'_>,
+    ) -> bool {
+        job.run::<V8, false>(first, present, out)
+    }
+
+    #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,fma")]
+    pub fn avx512_stream<O: OffsetSource, M: LimitSource, S: SunSource>(
+        job: Job<'_, O, M, S>,
+        first: usize,
+        present: Option<PresentRows<'_>>,
+        out: &mut Rows<'_>,
+    ) -> bool {
+        let any_outside = job.run::<V8, true>(first, present, out);
+        core::arch::x86_64::_mm_sfence();
+        any_outside
+    }
+
+    #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,fma")]
+    pub fn forward_avx512(
+        prepared: &super::Prepared,
+        axis1: &[f64],
+        axis2: &[f64],
+        out: &mut [[f64; 3]],
+    ) {
+        super::forward_body::<V8>(prepared, axis1, axis2, out);
+    }
+
+    #[target_feature(enable = "avx2,fma")]
+    pub fn forward_avx2(
+        prepared: &super::Prepared,
+        axis1: &[f64],
+        axis2: &[f64],
+        out: &mut [[f64; 3]],
+    ) {
+        super::forward_body::<V4>(prepared, axis1, axis2, out);
+    }
+
+    #[target_feature(enable = "avx2,fma")]
+    pub fn avx2<O: OffsetSource, M: LimitSource, S: SunSource>(
+        job: Job<'_, O, M, S>,
+        first: usize,
+        present: Option<PresentRows<'_>>,
+        out: &mut Rows<'_>,
+    ) -> bool {
+        job.run::<V4, false>(first, present, out)
+    }
+}
+
+/// Normals along the mount's axes for encoder angles, one entry per heliostat.
+/// `level` must be available on this processor.
+pub(crate) fn forward_rows(
+    prepared: &Prepared,
+    level: SimdLevel,
+    axis1: &[f64],
+    axis2: &[f64],
+    out: &mut [[f64; 3]],
+) {
+    match level {
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: `Tracker` accepts a level only if `SimdLevel::available` lists it.
+        SimdLevel::Avx512 => unsafe { x86::forward_avx512(prepared, axis1, axis2, out) },
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: as above.
+        SimdLevel::Avx2 => unsafe { x86::forward_avx2(prepared, axis1, axis2, out) },
+        _ => forward_body::<f64>(prepared, axis1, axis2, out),
+    }
+}
+
+#[inline(always)]
+fn forward_body<L: Lanes>(
+    prepared: &Prepared,
+    axis1: &[f64],
+    axis2: &[f64],
+    out: &mut [[f64; 3]],
+) {
+    let mut start = 0;
+    while start < out.len() {
+        let count = L::WIDTH.min(out.len() - start);
+        let mut side = [[0.0; BLOCK]; 2];
+        side[0][..count].copy_from_slice(&axis1[start..start + count]);
+        side[1][..count].copy_from_slice(&axis2[start..start + count]);
+        let axes = [L::read(&side[0]), L::read(&side[1])];
+        let normal = super::mount::forward::<L>(&prepared.constants, start, axes);
+        let mut columns = [[0.0; BLOCK]; 3];
+        for (component, column) in normal.into_iter().zip(&mut columns) {
+            component.write(column);
+        }
+        for (lane, row) in out[start..start + count].iter_mut().enumerate() {
+            *row = [columns[0][lane], columns[1][lane], columns[2][lane]];
+        }
+        start += count;
+    }
+}

@@ -1,0 +1,270 @@
+//! The arithmetic of a batch. The callers have checked the arguments; this trusts them.
+//!
+//! Rows go through [`Job::tile`]. A row that is not plainly ok goes into the [`Queue`] and, with others
+//! of its kind, through the same formula with everything that can happen to a row; it gives the
+//! same bits where the fast path would have done.
+
+pub(crate) mod dispatch;
+pub(crate) mod limits;
+pub(crate) mod mount;
+pub(crate) mod normal;
+mod queue;
+mod tile;
+
+use limits::{AxisEnds, LimitSource};
+use normal::{OffsetSource, Rays};
+use queue::Queue;
+use tile::Tile;
+
+use super::prepared::{Base, LIMIT_TOLERANCE_RAD, Prepared, TILE, column};
+use crate::mount::AxisLimits;
+use crate::lanes::{Columns, Lanes};
+use crate::status::Status;
+
+/// The answer's columns for consecutive rows of one sun.
+pub(crate) struct Rows<'a> {
+    pub axis1: &'a mut [f64],
+    pub axis2: &'a mut [f64],
+    pub incidence: &'a mut [f64],
+    pub limit_excess: &'a mut [f64],
+    pub status: &'a mut [Status],
+}
+
+impl<'a> Rows<'a> {
+    /// The part from `start`, `len` long.
+    pub fn part(&mut self, start: usize, len: usize) -> Rows<'_> {
+        let range = start..start + len;
+        Rows {
+            axis1: &mut self.axis1[range.clone()],
+            axis2: &mut self.axis2[range.clone()],
+            incidence: &mut self.incidence[range.clone()],
+            limit_excess: &mut self.limit_excess[range.clone()],
+            status: &mut self.status[range],
+        }
+    }
+
+    /// Divides at a row.
+    pub fn split_at(self, row: usize) -> (Rows<'a>, Rows<'a>) {
+        let (axis1, axis1_rest) = self.axis1.split_at_mut(row);
+        let (axis2, axis2_rest) = self.axis2.split_at_mut(row);
+        let (incidence, incidence_rest) = self.incidence.split_at_mut(row);
+        let (limit_excess, limit_excess_rest) = self.limit_excess.split_at_mut(row);
+        let (status, status_rest) = self.status.split_at_mut(row);
+        (
+            Rows { axis1, axis2, incidence, limit_excess, status },
+            Rows {
+                axis1: axis1_rest,
+                axis2: axis2_rest,
+                incidence: incidence_rest,
+                limit_excess: limit_excess_rest,
+                status: status_rest,
+            },
+        )
+    }
+
+    pub fn len(&self) -> usize {
+        self.status.len()
+    }
+}
+
+/// Sun along the mount's axes for the rows of a group.
+pub(crate) trait SunSource: Copy {
+    /// Half the unit vector to the sun.
+    fn half_sun<L: Lanes>(self, row: usize) -> [L; 3];
+}
+
+/// One base rotation for the whole field.
+#[derive(Clone, Copy)]
+pub(crate) struct SharedSun([f64; 3]);
+
+impl SunSource for SharedSun {
+    #[inline(always)]
+    fn half_sun<L: Lanes>(self, _row: usize) -> [L; 3] {
+        [L::splat(self.0[0]), L::splat(self.0[1]), L::splat(self.0[2])]
+    }
+}
+
+/// A base rotation per heliostat.
+#[derive(Clone, Copy)]
+pub(crate) struct TurnedSun<'a> {
+    half_enu: [f64; 3],
+    axes: &'a [Columns<9>],
+}
+
+impl SunSource for TurnedSun<'_> {
+    #[inline(always)]
+    fn half_sun<L: Lanes>(self, row: usize) -> [L; 3] {
+        let [east, north, up] = self.half_enu;
+        let half = [L::splat(east), L::splat(north), L::splat(up)];
+        [self.along(row, 0, half), self.along(row, 1, half), self.along(row, 2, half)]
+    }
+}
+
+impl TurnedSun<'_> {
+    /// The component of half the sun along one of the mount's axes.
+    #[inline(always)]
+    fn along<L: Lanes>(self, row: usize, axis: usize, half: [L; 3]) -> L {
+        let east = L::load(self.axes, row, 3 * axis).mul(half[0]);
+        let level = L::load(self.axes, row, 3 * axis + 1).mul_add(half[1], east);
+        L::load(self.axes, row, 3 * axis + 2).mul_add(half[2], level)
+    }
+}
+
+/// Present axis angles of the same rows; NaN where they are not known.
+#[derive(Clone, Copy)]
+pub(crate) struct PresentRows<'a> {
+    pub axis1: &'a [f64],
+    pub axis2: &'a [f64],
+}
+
+/// Everything a kernel needs of one sun.
+#[derive(Clone, Copy)]
+pub(crate) struct Job<'a, O, M, S> {
+    pub constants: &'a [Columns<{ column::COUNT }>],
+    pub offset: O,
+    pub limits: M,
+    pub axis_limits: &'a [AxisLimits],
+    pub sun: S,
+}
+
+impl<O: OffsetSource, M: LimitSource, S: SunSource> Job<'_, O, M, S> {
+    #[inline(always)]
+    fn rays<L: Lanes>(&self, row: usize) -> Rays<L> {
+        Rays {
+            half_t: [
+                L::load(self.constants, row, column::HALF_AIM),
+                L::load(self.constants, row, column::HALF_AIM + 1),
+                L::load(self.constants, row, column::HALF_AIM + 2),
+            ],
+            half_s: self.sun.half_sun::<L>(row),
+            ratio: L::load(self.constants, row, column::RATIO),
+        }
+    }
+
+    /// All rows of `out`, which begin at row `first` of the field, a multiple of
+    /// [`BLOCK`](crate::lanes::BLOCK). True if a row lies outside its limits.
+    #[inline(always)]
+    pub fn run<L: Lanes, const STREAM: bool>(
+        &self,
+        first: usize,
+        present: Option<PresentRows<'_>>,
+        out: &mut Rows<'_>,
+    ) -> bool {
+        let mut any_outside = false;
+        let mut tile = Tile::new();
+        let mut side = SideColumns::new();
+        let mut queue = Queue::new();
+        let mut start = 0;
+        while start < out.len() {
+            let count = TILE.min(out.len() - start);
+            let vectors = count.div_ceil(L::WIDTH);
+            if present.is_none() {
+                // The rows of the last tile go by way of one on the side, which has room to spare.
+                let whole = count == TILE;
+                let mut target = if whole { out.part(start, TILE) } else { side.rows() };
+                self.tile::<L, STREAM>(first + start, vectors, &mut tile, &mut target);
+                if !whole {
+                    side.copy_to(&mut out.part(start, count));
+                }
+            }
+            // With a present position every row has a choice to make.
+            if present.is_some() {
+                for row in start..start + count {
+                    self.enqueue(&mut queue, first + row, row, present);
+                }
+            } else if !tile.all_good::<L>(vectors) {
+                for vector in 0..vectors {
+                    let mut open = tile.open::<L>(vector);
+                    while open != 0 {
+                        let row = start + vector * L::WIDTH + open.trailing_zeros() as usize;
+                        if row < start + count {
+                            self.enqueue(&mut queue, first + row, row, None);
+                        }
+                        open &= open - 1;
+                    }
+                }
+            }
+            start += count;
+            if queue.wants_emptying() || start >= out.len() {
+                any_outside |= queue.empty::<L, O>(self.offset, out);
+            }
+        }
+        any_outside
+    }
+
+    fn ends(&self, row: usize) -> [AxisEnds<f64>; 2] {
+        let l = &self.axis_limits[row];
+        [[l.axis1_min_rad, l.axis1_max_rad], [l.axis2_min_rad, l.axis2_max_rad]].map(|[low, high]| {
+            AxisEnds { low: low - LIMIT_TOLERANCE_RAD, high: high + LIMIT_TOLERANCE_RAD }
+        })
+    }
+
+    /// Copies a row's inputs to the end of the queue.
+    fn enqueue(
+        &self,
+        queue: &mut Queue,
+        field_row: usize,
+        out_row: usize,
+        present: Option<PresentRows<'_>>,
+    ) {
+        let present = present.map(|p| [p.axis1[out_row], p.axis2[out_row]]);
+        queue.push(queue::Entry {
+            out_row,
+            constants: core::array::from_fn(|k| f64::load(self.constants, field_row, k)),
+            half_sun: self.sun.half_sun::<f64>(field_row),
+            ranges: [0, 1].map(|axis| self.limits.range::<f64>(field_row, axis)),
+            ends: self.ends(field_row),
+            present: present.unwrap_or([f64::NAN; 2]),
+        });
+    }
+}
+
+/// Room for one tile that is not whole; aligned for streaming stores.
+#[repr(align(64))]
+struct SideColumns {
+    columns: [[f64; TILE]; 4],
+    status: [Status; TILE],
+}
+
+impl SideColumns {
+    #[inline(always)]
+    fn new() -> Self {
+        Self { columns: [[0.0; TILE]; 4], status: [Status::Ok; TILE] }
+    }
+
+    #[inline(always)]
+    fn rows(&mut self) -> Rows<'_> {
+        let [axis1, axis2, incidence, limit_excess] = &mut self.columns;
+        Rows { axis1, axis2, incidence, limit_excess, status: &mut self.status }
+    }
+
+    fn copy_to(&self, out: &mut Rows<'_>) {
+        let count = out.len();
+        out.axis1.copy_from_slice(&self.columns[0][..count]);
+        out.axis2.copy_from_slice(&self.columns[1][..count]);
+        out.incidence.copy_from_slice(&self.columns[2][..count]);
+        out.status.copy_from_slice(&self.status[..count]);
+    }
+}
+
+/// The sun along the mount's axes, by the field's base.
+pub(crate) enum AnySun<'a> {
+    Shared(SharedSun),
+    Turned(TurnedSun<'a>),
+}
+
+impl Prepared {
+    pub(crate) fn sun(&self, sun: crate::frame::EnuUnit) -> AnySun<'_> {
+        let half = sun.as_enu() * 0.5;
+        match &self.base {
+            Base::Shared(axes) => AnySun::Shared(SharedSun([
+                axes.axis1.dot(half),
+                axes.axis2.dot(half),
+                axes.axis3.dot(half),
+            ])),
+            Base::PerHeliostat(axes) => {
+                AnySun::Turned(TurnedSun { half_enu: [half.east, half.north, half.up], axes })
+            }
+        }
+    }
+}

@@ -1,0 +1,224 @@
+//! Rows to which something happens, collected so that they fill vectors too.
+
+use alloc::vec::Vec;
+
+use super::Rows;
+use super::limits::{AxisEnds, AxisRange};
+use super::mount::pose;
+use super::normal::{OffsetSource, Rays};
+use crate::lanes::math::Reduced;
+use crate::lanes::{BLOCK, Columns, Lanes, Mask};
+use crate::status::Status;
+use crate::tracking::prepared::{LIMIT_TOLERANCE_RAD, column, repeat_row};
+
+/// Rows from which a queue is emptied: a few vectors, still in the nearest cache.
+const ENOUGH: usize = 64;
+
+/// Where a queue's own columns stand after the prepared constants.
+mod own {
+    use super::column;
+    pub const HALF_SUN: usize = column::COUNT;
+    pub const RANGE1: usize = HALF_SUN + 3;
+    pub const RANGE2: usize = RANGE1 + 2;
+    pub const ENDS1: usize = RANGE2 + 2;
+    pub const ENDS2: usize = ENDS1 + 2;
+    pub const PRESENT: usize = ENDS2 + 2;
+    pub const COUNT: usize = PRESENT + 2 - column::COUNT;
+}
+
+/// One row's inputs.
+pub(super) struct Entry {
+    /// Row of the answer.
+    pub out_row: usize,
+    pub constants: [f64; column::COUNT],
+    pub half_sun: [f64; 3],
+    pub ranges: [AxisRange<f64>; 2],
+    pub ends: [AxisEnds<f64>; 2],
+    /// NaN where not known.
+    pub present: [f64; 2],
+}
+
+/// Some rows, in blocks like the field's.
+pub(super) struct Queue {
+    constants: Vec<Columns<{ column::COUNT }>>,
+    own: Vec<Columns<{ own::COUNT }>>,
+    out_rows: Vec<usize>,
+    len: usize,
+}
+
+impl Queue {
+    pub fn new() -> Self {
+        Self { constants: Vec::new(), own: Vec::new(), out_rows: Vec::new(), len: 0 }
+    }
+
+    pub fn push(&mut self, entry: Entry) {
+        let (block, lane) = (self.len / BLOCK, self.len % BLOCK);
+        if self.constants.len() <= block {
+            self.constants.push(Columns([[0.0; BLOCK]; column::COUNT]));
+            self.own.push(Columns([[0.0; BLOCK]; own::COUNT]));
+            self.out_rows.resize((block + 1) * BLOCK, 0);
+        }
+        for (column, value) in self.constants[block].0.iter_mut().zip(entry.constants) {
+            column[lane] = value;
+        }
+        let [range1, range2] = entry.ranges.map(|r| [r.middle, r.reach]);
+        let [ends1, ends2] = entry.ends.map(|e| [e.low, e.high]);
+        let limits = range1.iter().chain(&range2).chain(&ends1).chain(&ends2);
+        let own = entry.half_sun.iter().chain(limits).chain(&entry.present);
+        for (column, value) in self.own[block].0.iter_mut().zip(own) {
+            column[lane] = *value;
+        }
+        self.out_rows[self.len] = entry.out_row;
+        self.len += 1;
+    }
+
+    pub fn wants_emptying(&self) -> bool {
+        self.len >= ENOUGH
+    }
+
+    /// Computes the rows and puts them in their places. True if one lies outside its limits.
+    #[inline(always)]
+    pub fn empty<V: Lanes, O: OffsetSource>(&mut self, offset: O, out: &mut Rows<'_>) -> bool {
+        let mut any_outside = false;
+        // The rest of the last block repeats a row: padding must not take a path of its own.
+        for row in self.len..self.len.next_multiple_of(BLOCK) {
+            repeat_row(&mut self.constants, self.len - 1, row);
+            repeat_row(&mut self.own, self.len - 1, row);
+        }
+        let mut first = 0;
+        while first < self.len {
+            let answer = self.full_group::<V, O>(offset, first);
+            for lane in 0..V::WIDTH.min(self.len - first) {
+                let row = self.out_rows[first + lane];
+                let status = Status::from_code(answer.status[lane] as u8).unwrap_or_default();
+                out.axis1[row] = answer.axis1[lane];
+                out.axis2[row] = answer.axis2[lane];
+                out.incidence[row] = answer.incidence[lane];
+                out.status[row] = status;
+                if status == Status::OutsideLimits {
+                    out.limit_excess[row] = answer.limit_excess[lane];
+                    any_outside = true;
+                }
+            }
+            first += V::WIDTH;
+        }
+        self.len = 0;
+        any_outside
+    }
+
+    #[inline(always)]
+    fn own<L: Lanes>(&self, row: usize, which: usize) -> L {
+        L::load(&self.own, row, which - column::COUNT)
+    }
+
+    #[inline(always)]
+    fn range<L: Lanes>(&self, row: usize, first: usize) -> AxisRange<L> {
+        AxisRange { middle: self.own(row, first), reach: self.own(row, first + 1) }
+    }
+
+    #[inline(always)]
+    fn ends<L: Lanes>(&self, row: usize, first: usize) -> AxisEnds<L> {
+        AxisEnds { low: self.own(row, first), high: self.own(row, first + 1) }
+    }
+
+    /// Rows to which anything may happen.
+    #[inline(always)]
+    fn full_group<L: Lanes, O: OffsetSource>(&self, offset: O, row: usize) -> Answer {
+        let splat = L::splat;
+        let nan = splat(f64::NAN);
+        let half_t = [
+            L::load(&self.constants, row, column::HALF_AIM),
+            L::load(&self.constants, row, column::HALF_AIM + 1),
+            L::load(&self.constants, row, column::HALF_AIM + 2),
+        ];
+        let half_s = [self.own::<L>(row, own::HALF_SUN), self.own::<L>(row, own::HALF_SUN + 1), self.own::<L>(row, own::HALF_SUN + 2)];
+        let ratio = L::load(&self.constants, row, column::RATIO);
+        let ranges = [self.range::<L>(row, own::RANGE1), self.range::<L>(row, own::RANGE2)];
+        let ends = [self.ends::<L>(row, own::ENDS1), self.ends::<L>(row, own::ENDS2)];
+        let present = [self.own::<L>(row, own::PRESENT), self.own::<L>(row, own::PRESENT + 1)];
+
+        let rays = Rays { half_t, half_s, ratio };
+        let bisector = offset.bisector(&rays);
+        let k = offset.lean::<L, true>(ratio, &bisector);
+        let normal = offset.normal(&rays, &bisector, k);
+        let pose = pose::<L>(&self.constants, row, normal.n);
+        let [direct, over] = pose.both(&self.constants, row);
+
+        let direct = Choice::of(direct, &ranges, &ends, present);
+        let over = Choice::of(over, &ranges, &ends, present);
+        // Without any limit the direct solution is the answer; see AxisLimits::NONE.
+        let infinite = splat(f64::INFINITY);
+        let limited = ends[0]
+            .low
+            .max(ends[1].low)
+            .le(splat(f64::NEG_INFINITY))
+            .and(infinite.le(ends[0].high.min(ends[1].high)))
+            .not();
+        let shorter = direct.fits.and(over.travel.lt(direct.travel)).and(limited);
+        let take_over = over.fits.and(direct.fits.not().or(shorter));
+
+        let ok = code::<L>(Status::Ok);
+        let fits = direct.fits.or(over.fits);
+        let mut status = L::select(fits, ok, code::<L>(Status::OutsideLimits));
+        let reachable = splat(0.0).le(pose.d1_sq);
+        status = L::select(reachable, status, code::<L>(Status::Unreachable));
+        status = L::select(normal.lit, status, code::<L>(Status::SunOpposesAim));
+        // a NaN ratio compares false
+        status = L::select(ratio.le(splat(1.0)), status, code::<L>(Status::AimAtPivot));
+
+        let good = status.le(ok);
+        let mut answer = Answer::default();
+        L::select(good, L::select(take_over, over.angles[0], direct.angles[0]), nan).write(&mut answer.axis1);
+        L::select(good, L::select(take_over, over.angles[1], direct.angles[1]), nan).write(&mut answer.axis2);
+        let incidence = Reduced::acute(bisector.cos_theta, bisector.sin_sq_theta.sqrt()).angle();
+        L::select(good, incidence, nan).write(&mut answer.incidence);
+        let excess = direct.excess.min(over.excess).add(splat(LIMIT_TOLERANCE_RAD));
+        excess.write(&mut answer.limit_excess);
+        status.write(&mut answer.status);
+        answer
+    }
+}
+
+#[inline(always)]
+fn code<L: Lanes>(status: Status) -> L {
+    L::splat(f64::from(status.code()))
+}
+
+/// Columns of up to a block's answers.
+#[derive(Default)]
+struct Answer {
+    axis1: [f64; BLOCK],
+    axis2: [f64; BLOCK],
+    incidence: [f64; BLOCK],
+    limit_excess: [f64; BLOCK],
+    status: [f64; BLOCK],
+}
+
+/// One of the two solutions, by the turns that suit the limits and the present position.
+#[derive(Clone, Copy)]
+struct Choice<L: Lanes> {
+    angles: [L; 2],
+    /// How far outside its limits the worse axis is, less the tolerance.
+    excess: L,
+    fits: L::Mask,
+    /// Way of the axis that has the longer one; equal for all where the present is not known.
+    travel: L,
+}
+
+impl<L: Lanes> Choice<L> {
+    #[inline(always)]
+    fn of(
+        solution: [L; 2],
+        ranges: &[AxisRange<L>; 2],
+        ends: &[AxisEnds<L>; 2],
+        present: [L; 2],
+    ) -> Self {
+        let home = [ranges[0].home(solution[0]), ranges[1].home(solution[1])];
+        let excess = ranges[0].excess(home[0]).max(ranges[1].excess(home[1]));
+        let fits = ranges[0].holds(home[0]).and(ranges[1].holds(home[1]));
+        let angles =
+            [ends[0].nearest(home[0], present[0]), ends[1].nearest(home[1], present[1])];
+        let travel = angles[0].sub(present[0]).abs().max(angles[1].sub(present[1]).abs());
+        Self { angles, excess, fits, travel }
+    }
+}

@@ -1,0 +1,414 @@
+//! Sun and aim in, axis angles out, for a whole field; and back.
+
+mod aligned;
+mod forward;
+pub(crate) mod kernel;
+pub(crate) mod prepared;
+
+use alloc::vec::Vec;
+use core::ops::Range;
+
+use aligned::AlignedColumn;
+pub use forward::Prediction;
+use kernel::{PresentRows, Rows};
+use prepared::{TILE, Prepared};
+
+use crate::error::TrackError;
+use crate::field::Field;
+use crate::frame::EnuUnit;
+use crate::lanes::SimdLevel;
+use crate::offset::{MAX_ITERATIONS, OffsetForm};
+use crate::status::Status;
+
+/// Rows that are worth a second thread: below, waking it costs more than it earns.
+const ROWS_PER_THREAD: usize = 24 * 1024;
+
+/// Heliostats whose constants stay in the nearest caches while several suns pass over them.
+const ROWS_PER_PASS: usize = 512;
+
+/// Output bytes from which an answer will not stay in the caches anyway and is written past them.
+const STREAM_BYTES: usize = 12 << 20;
+
+/// How a batch is computed. Nothing here changes a bit of the answer.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct TrackOptions {
+    /// Most threads to use; 0 for as many as the thread pool has. Small fields stay on one.
+    pub threads: usize,
+    /// Instruction set; `None` for the best that the processor has.
+    pub level: Option<SimdLevel>,
+}
+
+/// Where the axes stand now, one entry per heliostat \[rad, encoder angles\]; NaN where not known.
+#[derive(Debug, Clone, Copy)]
+pub struct Present<'a> {
+    /// First axis.
+    pub axis1_rad: &'a [f64],
+    /// Second axis.
+    pub axis2_rad: &'a [f64],
+}
+
+/// Axis angles of a field for one or more suns, as columns.
+///
+/// Every column has `suns() * heliostats()` rows: sun by sun, heliostats in field order. A row whose
+/// status is not [`Status::Ok`] keeps its place and has NaN for angles and incidence.
+#[derive(Debug, Clone, Default)]
+pub struct Tracking {
+    suns: usize,
+    heliostats: usize,
+    axis1: AlignedColumn,
+    axis2: AlignedColumn,
+    incidence: AlignedColumn,
+    limit_excess: AlignedColumn,
+    status: Vec<Status>,
+    /// True if a row of `limit_excess` is not zero.
+    any_outside: bool,
+}
+
+impl Tracking {
+    /// Number of suns.
+    #[must_use]
+    pub fn suns(&self) -> usize {
+        self.suns
+    }
+
+    /// Number of heliostats.
+    #[must_use]
+    pub fn heliostats(&self) -> usize {
+        self.heliostats
+    }
+
+    /// Encoder angle of the first axis \[rad\].
+    #[must_use]
+    pub fn axis1_rad(&self) -> &[f64] {
+        self.axis1.as_slice()
+    }
+
+    /// Encoder angle of the second axis \[rad\].
+    #[must_use]
+    pub fn axis2_rad(&self) -> &[f64] {
+        self.axis2.as_slice()
+    }
+
+    /// Half the angle between sun and aim as seen from the pivot \[rad\].
+    #[must_use]
+    pub fn incidence_rad(&self) -> &[f64] {
+        self.incidence.as_slice()
+    }
+
+    /// How far the better solution lies outside the axis limits \[rad\]: the larger excess of its two
+    /// axes; zero unless the status is [`Status::OutsideLimits`].
+    #[must_use]
+    pub fn limit_excess_rad(&self) -> &[f64] {
+        self.limit_excess.as_slice()
+    }
+
+    /// What became of each row.
+    #[must_use]
+    pub fn status(&self) -> &[Status] {
+        &self.status
+    }
+
+    /// Rows of one sun.
+    #[must_use]
+    pub fn rows_of_sun(&self, sun: usize) -> Range<usize> {
+        sun * self.heliostats..(sun + 1) * self.heliostats
+    }
+
+    fn resize(&mut self, suns: usize, heliostats: usize) {
+        let len = suns * heliostats;
+        if self.any_outside || self.limit_excess.as_slice().len() != len {
+            self.limit_excess.clear_to(len);
+            self.any_outside = false;
+        }
+        (self.suns, self.heliostats) = (suns, heliostats);
+        self.axis1.resize(len);
+        self.axis2.resize(len);
+        self.incidence.resize(len);
+        self.status.resize(len, Status::Ok);
+    }
+
+    fn rows(&mut self) -> Rows<'_> {
+        Rows {
+            axis1: self.axis1.as_mut_slice(),
+            axis2: self.axis2.as_mut_slice(),
+            incidence: self.incidence.as_mut_slice(),
+            limit_excess: self.limit_excess.as_mut_slice(),
+            status: &mut self.status,
+        }
+    }
+}
+
+/// A field made ready for tracking: the constants of every heliostat, computed once.
+///
+/// ```
+/// use helio_core::{Enu, EnuUnit, Field, Heliostat, OffsetForm, Status, Tracker, TrackingMode};
+/// let mut field = Field::new(TrackingMode::AzimuthElevation);
+/// // 100 m north of a receiver 80 m above its pivot, mirror 20 cm in front of the axes
+/// let mut heliostat = Heliostat::new(Enu::new(0.0, 100.0, 0.0), Enu::new(0.0, 0.0, 80.0));
+/// heliostat.mirror_offset_m = 0.2;
+/// field.push("A1", heliostat)?;
+/// let tracker = Tracker::new(&field, OffsetForm::Exact)?;
+/// let sun = EnuUnit::from_azimuth_elevation(180_f64.to_radians(), 45_f64.to_radians());
+/// let tracking = tracker.track(sun);
+/// assert_eq!(tracking.status(), [Status::Ok]);
+/// // Sun and aim both stand in the south: so does the normal.
+/// assert!((tracking.axis1_rad()[0].to_degrees() - 180.0).abs() < 1e-12);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct Tracker {
+    prepared: Prepared,
+    offset: OffsetForm,
+}
+
+impl Tracker {
+    /// Computes the constants of every heliostat of a field (Guo 2015 §3.2: A, L, t).
+    ///
+    /// # Errors
+    /// [`TrackError::Iterations`] for an iterated offset form with none or too many iterations.
+    pub fn new(field: &Field, offset: OffsetForm) -> Result<Self, TrackError> {
+        if let OffsetForm::Iterated(got) = offset {
+            if !(1..=MAX_ITERATIONS).contains(&got) {
+                return Err(TrackError::Iterations { max: MAX_ITERATIONS, got });
+            }
+        }
+        Ok(Self { prepared: Prepared::new(field), offset })
+    }
+
+    /// Number of heliostats.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.prepared.len
+    }
+
+    /// True if there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// How the mirror offset is taken into account.
+    #[must_use]
+    pub fn offset(&self) -> OffsetForm {
+        self.offset
+    }
+
+    /// Axis angles of every heliostat for one sun. See [`track_into`](Self::track_into).
+    #[must_use]
+    pub fn track(&self, sun: EnuUnit) -> Tracking {
+        let mut out = Tracking::default();
+        let options = TrackOptions::default();
+        self.fill(&[sun], None, SimdLevel::best(), options.threads, &mut out);
+        out
+    }
+
+    /// Axis angles of every heliostat for each of some suns, into a buffer that may be reused.
+    ///
+    /// Of the two solutions the direct one is given where it lies within the axis limits, else the
+    /// one over the top; an angle that may be reached by several turns is given nearest to the
+    /// middle of its limits. With `present`, of all that lie within the limits the one is given
+    /// for which the axis that travels farther has the shortest way, first from `present`, then
+    /// from one sun to the next; a row that is not ok leaves its heliostat where it was.
+    ///
+    /// A sun below the horizon (its given direction points below) makes all its rows
+    /// [`Status::SunBelowHorizon`].
+    ///
+    /// # Errors
+    /// [`TrackError::LengthMismatch`] if `present` has another length than the field,
+    /// [`TrackError::LevelUnavailable`] for an instruction set that this processor lacks.
+    pub fn track_into(
+        &self,
+        suns: &[EnuUnit],
+        present: Option<Present<'_>>,
+        options: &TrackOptions,
+        out: &mut Tracking,
+    ) -> Result<(), TrackError> {
+        let level = checked_level(options.level)?;
+        if let Some(present) = present {
+            for (what, column) in [
+                ("present axis1_rad", present.axis1_rad),
+                ("present axis2_rad", present.axis2_rad),
+            ] {
+                check_len(what, self.len(), column.len())?;
+            }
+        }
+        self.fill(suns, present, level, options.threads, out);
+        Ok(())
+    }
+
+    fn fill(
+        &self,
+        suns: &[EnuUnit],
+        present: Option<Present<'_>>,
+        level: SimdLevel,
+        threads: usize,
+        out: &mut Tracking,
+    ) {
+        let n = self.len();
+        out.resize(suns.len(), n);
+        if n == 0 || suns.is_empty() {
+            return;
+        }
+        let mut call = Call { tracker: self, level, stream: false };
+        if let Some(present) = present {
+            out.any_outside = call.continuous(suns, present, out.rows());
+            return;
+        }
+        // Streaming wants every sun's columns to begin on a cache line.
+        let aligned = suns.len() == 1 || n.is_multiple_of(8);
+        call.stream = aligned && n * suns.len() * 3 * size_of::<f64>() >= STREAM_BYTES;
+        let pieces = pieces(n * suns.len(), threads);
+        out.any_outside = if suns.len() >= pieces {
+            in_parallel(pieces, suns.len(), 1, n, out.rows(), &|range: Range<usize>, rows| {
+                call.suns(&suns[range], 0, n, rows)
+            })
+        } else {
+            let mut rest = out.rows();
+            let mut any_outside = false;
+            for &sun in suns {
+                let (rows, others) = rest.split_at(n);
+                rest = others;
+                any_outside |= in_parallel(pieces, n, TILE, 1, rows, &|range: Range<usize>, rows| {
+                    call.suns(&[sun], range.start, range.len(), rows)
+                });
+            }
+            any_outside
+        };
+    }
+}
+
+/// One batch, on one thread.
+#[derive(Clone, Copy)]
+struct Call<'a> {
+    tracker: &'a Tracker,
+    level: SimdLevel,
+    stream: bool,
+}
+
+impl Call<'_> {
+    /// `count` heliostats from `first` for some suns; `rows` holds them sun by sun.
+    fn suns(&self, suns: &[EnuUnit], first: usize, count: usize, mut rows: Rows<'_>) -> bool {
+        let mut any_outside = false;
+        let per_pass = if suns.len() == 1 { count } else { ROWS_PER_PASS };
+        let mut start = 0;
+        while start < count {
+            let len = per_pass.min(count - start);
+            for (index, &sun) in suns.iter().enumerate() {
+                let part = rows.part(index * count + start, len);
+                any_outside |= self.one(sun, first + start, None, part);
+            }
+            start += len;
+        }
+        any_outside
+    }
+
+    fn one(
+        &self,
+        sun: EnuUnit,
+        first: usize,
+        present: Option<PresentRows<'_>>,
+        mut rows: Rows<'_>,
+    ) -> bool {
+        if sun.as_enu().up < 0.0 {
+            for column in [&mut rows.axis1, &mut rows.axis2, &mut rows.incidence] {
+                column.fill(f64::NAN);
+            }
+            rows.status.fill(Status::SunBelowHorizon);
+            return false;
+        }
+        let Tracker { prepared, offset } = self.tracker;
+        kernel::dispatch::track_rows(
+            prepared, *offset, sun, first, present, self.level, self.stream, &mut rows,
+        )
+    }
+
+    /// Each sun from where the one before left the axes.
+    fn continuous(&self, suns: &[EnuUnit], present: Present<'_>, mut rows: Rows<'_>) -> bool {
+        let n = self.tracker.len();
+        let mut axis1 = present.axis1_rad.to_vec();
+        let mut axis2 = present.axis2_rad.to_vec();
+        let mut any_outside = false;
+        for (index, &sun) in suns.iter().enumerate() {
+            let here = PresentRows { axis1: &axis1, axis2: &axis2 };
+            any_outside |= self.one(sun, 0, Some(here), rows.part(index * n, n));
+            let done = rows.part(index * n, n);
+            for row in 0..n {
+                if done.status[row] == Status::Ok {
+                    axis1[row] = done.axis1[row];
+                    axis2[row] = done.axis2[row];
+                }
+            }
+        }
+        any_outside
+    }
+}
+
+/// How many pieces a batch is worth.
+fn pieces(rows: usize, threads: usize) -> usize {
+    let most = (rows / ROWS_PER_THREAD).max(1);
+    if most == 1 {
+        return 1;
+    }
+    #[cfg(feature = "std")]
+    let available = if threads == 0 { rayon::current_num_threads() } else { threads };
+    #[cfg(not(feature = "std"))]
+    let available = threads.min(1);
+    most.min(available.max(1))
+}
+
+/// Runs `work` on `pieces` consecutive ranges of `0..count`, each but the last a multiple of
+/// `multiple` long; entry i owns rows `i * width..(i + 1) * width`. True if any piece says so.
+fn in_parallel(
+    pieces: usize,
+    count: usize,
+    multiple: usize,
+    width: usize,
+    rows: Rows<'_>,
+    work: &(dyn Fn(Range<usize>, Rows<'_>) -> bool + Sync),
+) -> bool {
+    #[cfg(feature = "std")]
+    if pieces > 1 {
+        use core::sync::atomic::{AtomicBool, Ordering};
+        let any = AtomicBool::new(false);
+        let length = count.div_ceil(pieces).next_multiple_of(multiple);
+        rayon::in_place_scope(|scope| {
+            let (mine, mut rest) = rows.split_at(length.min(count) * width);
+            let mut start = length.min(count);
+            while start < count {
+                let end = count.min(start + length);
+                let (piece, others) = rest.split_at((end - start) * width);
+                rest = others;
+                let any = &any;
+                scope.spawn(move |_| {
+                    if work(start..end, piece) {
+                        any.store(true, Ordering::Relaxed);
+                    }
+                });
+                start = end;
+            }
+            if work(0..length.min(count), mine) {
+                any.store(true, Ordering::Relaxed);
+            }
+        });
+        return any.load(Ordering::Relaxed);
+    }
+    let _ = (pieces, multiple, width);
+    work(0..count, rows)
+}
+
+fn checked_level(level: Option<SimdLevel>) -> Result<SimdLevel, TrackError> {
+    match level {
+        None => Ok(SimdLevel::best()),
+        Some(level) if SimdLevel::available().contains(&level) => Ok(level),
+        Some(level) => Err(TrackError::LevelUnavailable { level }),
+    }
+}
+
+#[cold]
+fn length_mismatch(what: &'static str, expected: usize, got: usize) -> TrackError {
+    TrackError::LengthMismatch { what, expected, got }
+}
+
+fn check_len(what: &'static str, expected: usize, got: usize) -> Result<(), TrackError> {
+    if expected == got { Ok(()) } else { Err(length_mismatch(what, expected, got)) }
+}

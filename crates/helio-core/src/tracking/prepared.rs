@@ -1,0 +1,189 @@
+//! Per-heliostat constants, computed once.
+
+use alloc::vec::Vec;
+use core::f64::consts::PI;
+
+use super::kernel::limits::{Limits, near_window, window_start};
+use crate::field::Field;
+use crate::frame::{Enu, EnuUnit};
+use crate::lanes::{BLOCK, Columns};
+use crate::mount::{AxisLimits, MountAxes, TrackingMode};
+
+/// Rows that go through the phases of a kernel together; fields are padded to a multiple of it.
+pub(crate) const TILE: usize = 64;
+
+/// Distance beyond the axis limits that still counts as inside \[rad\]: rounding, far below any encoder step.
+pub(crate) const LIMIT_TOLERANCE_RAD: f64 = 1e-12;
+
+/// Columns of the prepared constants.
+pub(crate) mod column {
+    /// Half the unit vector pivot → aim, in mount axes (three columns).
+    pub const HALF_AIM: usize = 0;
+    /// Hz/L; NaN where the aim is at the pivot.
+    pub const RATIO: usize = 3;
+    /// tan(psi_t/2) cos(psi_a).
+    pub const TILT1: usize = 4;
+    /// tan(psi_t/2) sin(psi_a).
+    pub const TILT2: usize = 5;
+    /// 1 + cos(psi_t).
+    pub const TILT_FACTOR: usize = 6;
+    /// 1/(cos(tau1) cos(mu)).
+    pub const SINE_FACTOR: usize = 7;
+    /// -tan(tau1) tan(mu).
+    pub const SINE_SHIFT: usize = 8;
+    /// sin(mu)/cos(tau1).
+    pub const D2_SHIFT: usize = 9;
+    /// tan(tau1).
+    pub const D2_FACTOR: usize = 10;
+    /// 1/cos(mu).
+    pub const COSINE_FACTOR: usize = 11;
+    /// gamma0.
+    pub const REFERENCE1: usize = 12;
+    /// alpha0.
+    pub const REFERENCE2: usize = 13;
+    /// How many there are.
+    pub const COUNT: usize = 14;
+}
+
+/// Where the fixed axes point.
+#[derive(Debug, Clone)]
+pub(crate) enum Base {
+    /// The same axes for the whole field: the sun is turned once.
+    Shared(MountAxes),
+    /// Rows of R per heliostat, in (east, north, up) components: nine columns.
+    PerHeliostat(Vec<Columns<9>>),
+}
+
+/// The constants of a field.
+#[derive(Debug, Clone)]
+pub(crate) struct Prepared {
+    pub len: usize,
+    pub constants: Vec<Columns<{ column::COUNT }>>,
+    pub base: Base,
+    pub limits: Limits,
+    /// The same as given, for shortest travel.
+    pub axis_limits: Vec<AxisLimits>,
+    /// Geometry that only the forward direction needs: pivot and aim.
+    pub pivots: Vec<Enu>,
+    pub aims: Vec<Enu>,
+    pub mirror_offsets_m: Vec<f64>,
+}
+
+impl Prepared {
+    pub fn new(field: &Field) -> Self {
+        let len = field.len();
+        let blocks = len.div_ceil(TILE) * TILE / BLOCK;
+        let mut constants = alloc::vec![Columns([[0.0; BLOCK]; column::COUNT]); blocks];
+        let mut axes = Vec::new();
+        let shared = match field.mode() {
+            TrackingMode::SpinningElevation => {
+                axes = alloc::vec![Columns([[0.0; BLOCK]; 9]); blocks];
+                None
+            }
+            mode => Some(MountAxes::of(mode, EnuUnit::UP)),
+        };
+        let mut limits = Vec::with_capacity(len);
+        for (row, h) in field.heliostats().iter().enumerate() {
+            let to_aim = h.aim - h.pivot;
+            let slant_m = to_aim.norm();
+            let at_pivot = !(slant_m > h.mirror_offset_m.abs() && slant_m >= MIN_SLANT_M);
+            let unit = if at_pivot { None } else { EnuUnit::try_new(to_aim).ok() };
+            let direction = unit.unwrap_or(EnuUnit::UP);
+            let ratio = if unit.is_some() { h.mirror_offset_m / slant_m } else { f64::NAN };
+            let mount = match shared {
+                Some(mount) => mount,
+                None => {
+                    let mount = MountAxes::of(field.mode(), direction);
+                    for (k, axis) in [mount.axis1, mount.axis2, mount.axis3].into_iter().enumerate() {
+                        let Columns(block) = &mut axes[row / BLOCK];
+                        block[3 * k][row % BLOCK] = axis.east;
+                        block[3 * k + 1][row % BLOCK] = axis.north;
+                        block[3 * k + 2][row % BLOCK] = axis.up;
+                    }
+                    mount
+                }
+            };
+            let t = direction.as_enu();
+            let e = &h.errors;
+            let l = &h.limits;
+            let start1 = window_start(l.axis1_min_rad, l.axis1_max_rad, 0.0);
+            let start2 = window_start(
+                l.axis2_min_rad,
+                l.axis2_max_rad,
+                e.elevation_reference_rad - PI,
+            );
+            let reference1 = near_window(e.azimuth_reference_rad, start1, -PI, PI);
+            let reference2 = near_window(e.elevation_reference_rad, start2, -PI / 2.0, 3.0 * PI / 2.0);
+            let (sin_tilt, cos_tilt) = libm::sincos(e.pedestal_tilt_rad);
+            let tan_half_tilt = sin_tilt / (1.0 + cos_tilt);
+            let (sin_tilt_azimuth, cos_tilt_azimuth) = libm::sincos(e.pedestal_tilt_azimuth_rad);
+            let (sin_tau1, cos_tau1) = libm::sincos(e.axis_nonorthogonality_rad);
+            let (sin_mu, cos_mu) = libm::sincos(e.mirror_tilt_rad);
+            let values = [
+                0.5 * mount.axis1.dot(t),
+                0.5 * mount.axis2.dot(t),
+                0.5 * mount.axis3.dot(t),
+                ratio,
+                tan_half_tilt * cos_tilt_azimuth,
+                tan_half_tilt * sin_tilt_azimuth,
+                1.0 + cos_tilt,
+                1.0 / (cos_tau1 * cos_mu),
+                -(sin_tau1 / cos_tau1) * (sin_mu / cos_mu),
+                sin_mu / cos_tau1,
+                sin_tau1 / cos_tau1,
+                1.0 / cos_mu,
+                reference1,
+                reference2,
+            ];
+            let Columns(block) = &mut constants[row / BLOCK];
+            for (column, value) in block.iter_mut().zip(values) {
+                column[row % BLOCK] = value;
+            }
+            limits.push([
+                start1 + PI,
+                reach(l.axis1_min_rad, l.axis1_max_rad),
+                start2 + PI,
+                reach(l.axis2_min_rad, l.axis2_max_rad),
+            ]);
+        }
+        // The padding repeats the last heliostat: whatever path it takes, so do its neighbours.
+        if let Some(last) = len.checked_sub(1) {
+            for row in len..blocks * BLOCK {
+                repeat_row(&mut constants, last, row);
+                if !axes.is_empty() {
+                    repeat_row(&mut axes, last, row);
+                }
+            }
+        }
+        let unlimited = field.heliostats().iter().all(|h| h.limits.is_none());
+        Self {
+            len,
+            constants,
+            base: shared.map_or(Base::PerHeliostat(axes), Base::Shared),
+            limits: Limits::new(unlimited, &limits, blocks),
+            axis_limits: field.heliostats().iter().map(|h| h.limits).collect(),
+            pivots: field.heliostats().iter().map(|h| h.pivot).collect(),
+            aims: field.heliostats().iter().map(|h| h.aim).collect(),
+            mirror_offsets_m: field.heliostats().iter().map(|h| h.mirror_offset_m).collect(),
+        }
+    }
+}
+
+/// Greatest distance from the middle of the limits that counts as inside \[rad\].
+fn reach(min_rad: f64, max_rad: f64) -> f64 {
+    if min_rad.is_finite() && max_rad.is_finite() {
+        0.5 * (max_rad - min_rad) + LIMIT_TOLERANCE_RAD
+    } else {
+        f64::INFINITY
+    }
+}
+
+/// Nearest an aim may be to a pivot \[m\].
+const MIN_SLANT_M: f64 = 1e-6;
+
+pub(crate) fn repeat_row<const N: usize>(blocks: &mut [Columns<N>], from: usize, to: usize) {
+    for column in 0..N {
+        let value = blocks[from / BLOCK].0[column][from % BLOCK];
+        blocks[to / BLOCK].0[column][to % BLOCK] = value;
+    }
+}

@@ -1,0 +1,244 @@
+//! Files that appear whole or not at all.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use tempfile::NamedTempFile;
+
+use crate::error::IoError;
+
+/// A file being written under a temporary name beside its own, renamed into place by
+/// [`finish`](Self::finish). Dropped before that, it leaves nothing behind and whatever stood in
+/// its place stays as it was.
+///
+/// A place that is no regular file, such as a pipe or `/dev/null`, is written to directly; a
+/// symbolic link is followed, so that the file it points to is replaced.
+///
+/// ```
+/// use std::io::Write;
+/// let folder = tempfile::tempdir()?;
+/// let path = folder.path().join("angles.csv");
+/// let mut file = helio_io::AtomicFile::create(&path)?;
+/// file.write_all(b"id,azimuth_deg\n")?;
+/// assert!(!path.exists());
+/// file.finish()?;
+/// assert_eq!(std::fs::read(&path)?, b"id,azimuth_deg\n");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct AtomicFile {
+    path: PathBuf,
+    destination: PathBuf,
+    target: Target,
+}
+
+#[derive(Debug)]
+enum Target {
+    Temporary(BufWriter<NamedTempFile>),
+    Direct(BufWriter<File>),
+}
+
+/// Bytes gathered before a write: large enough that system calls cost nothing beside formatting.
+const BUFFER_BYTES: usize = 1 << 18;
+
+impl AtomicFile {
+    /// Starts a file that will stand at `path`.
+    ///
+    /// # Errors
+    /// [`IoError`] if the folder does not exist or cannot be written, or `path` is a folder.
+    pub fn create(path: &Path) -> Result<Self, IoError> {
+        let refuse = |error| IoError::write(path, error);
+        match std::fs::metadata(path) {
+            Ok(found) if found.is_dir() => {
+                return Err(refuse(io::ErrorKind::IsADirectory.into()));
+            }
+            Ok(found) if !found.is_file() => {
+                let file = File::options().write(true).open(path).map_err(refuse)?;
+                let target = Target::Direct(BufWriter::with_capacity(BUFFER_BYTES, file));
+                let path = path.to_path_buf();
+                return Ok(Self {
+                    destination: path.clone(),
+                    path,
+                    target,
+                });
+            }
+            // A file that may not be written stays, although its folder would let us replace it.
+            Ok(found) if found.permissions().readonly() => {
+                return Err(refuse(io::ErrorKind::PermissionDenied.into()));
+            }
+            _ => {}
+        }
+        if path.file_name().is_none() {
+            return Err(refuse(io::Error::new(
+                io::ErrorKind::InvalidInput,
+                "it has no file name",
+            )));
+        }
+        let destination = path.canonicalize().unwrap_or_else(|_| path.to_path_buf());
+        let folder = match destination.parent() {
+            Some(folder) if folder != Path::new("") => folder,
+            _ => Path::new("."),
+        };
+        if !folder.is_dir() {
+            let reason = format!("its folder {} does not exist", folder.display());
+            return Err(refuse(io::Error::other(reason)));
+        }
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(".helio-").suffix(".part");
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            // As File::create would: the process's umask takes its share.
+            builder.permissions(std::fs::Permissions::from_mode(0o666));
+        }
+        let file = builder.tempfile_in(folder).map_err(refuse)?;
+        let target = Target::Temporary(BufWriter::with_capacity(BUFFER_BYTES, file));
+        Ok(Self {
+            path: path.to_path_buf(),
+            destination,
+            target,
+        })
+    }
+
+    /// The place the file will have.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Writes what is left and renames the file into place.
+    ///
+    /// # Errors
+    /// [`IoError`] if that fails; nothing half-written remains then.
+    pub fn finish(self) -> Result<(), IoError> {
+        let Self {
+            path,
+            destination,
+            target,
+        } = self;
+        let refuse = |error| IoError::write(&path, error);
+        match target {
+            Target::Direct(mut file) => file.flush().map_err(refuse),
+            Target::Temporary(file) => {
+                let file = file
+                    .into_inner()
+                    .map_err(|error| refuse(error.into_error()))?;
+                // The rename must not reach the disk before the contents do.
+                file.as_file().sync_data().map_err(refuse)?;
+                file.persist(&destination)
+                    .map_err(|error| refuse(error.error))?;
+                Ok(())
+            }
+        }
+    }
+}
+
+impl Write for AtomicFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match &mut self.target {
+            Target::Temporary(file) => file.write(bytes),
+            Target::Direct(file) => file.write(bytes),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        match &mut self.target {
+            Target::Temporary(file) => file.flush(),
+            Target::Direct(file) => file.flush(),
+        }
+    }
+}
+
+/// Writes a whole file at once, so that it appears whole or not at all.
+///
+/// # Errors
+/// [`IoError`] as for [`AtomicFile`].
+pub fn write_file(path: &Path, contents: &[u8]) -> Result<(), IoError> {
+    let mut file = AtomicFile::create(path)?;
+    file.write_all(contents)
+        .map_err(|error| IoError::write(path, error))?;
+    file.finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let mut names: Vec<String> = std::fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn a_dropped_file_leaves_the_old_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out.csv");
+        write_file(&path, b"old").unwrap();
+        let mut file = AtomicFile::create(&path).unwrap();
+        file.write_all(&[b'x'; 1 << 20]).unwrap();
+        assert_eq!(names(folder.path()).len(), 2);
+        drop(file);
+        assert_eq!(names(folder.path()), ["out.csv"]);
+        assert_eq!(std::fs::read(&path).unwrap(), b"old");
+        write_file(&path, b"new").unwrap();
+        assert_eq!(names(folder.path()), ["out.csv"]);
+        assert_eq!(std::fs::read(&path).unwrap(), b"new");
+    }
+
+    #[test]
+    fn places_that_cannot_be_written_are_refused_at_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let missing = folder.path().join("no").join("out.csv");
+        assert!(
+            AtomicFile::create(&missing)
+                .unwrap_err()
+                .to_string()
+                .contains("does not exist")
+        );
+        assert!(
+            AtomicFile::create(folder.path())
+                .unwrap_err()
+                .to_string()
+                .contains("folder")
+        );
+        assert!(AtomicFile::create(Path::new("")).is_err());
+        assert!(AtomicFile::create(Path::new("/")).is_err());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_is_followed_and_permissions_are_ordinary() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let (real, link) = (
+            folder.path().join("real.csv"),
+            folder.path().join("link.csv"),
+        );
+        std::fs::write(&real, "old").unwrap();
+        std::os::unix::fs::symlink(&real, &link).unwrap();
+        write_file(&link, b"new").unwrap();
+        assert_eq!(std::fs::read(&real).unwrap(), b"new");
+        assert!(std::fs::symlink_metadata(&link).unwrap().is_symlink());
+        let plain = folder.path().join("plain.csv");
+        File::create(&plain).unwrap();
+        let mode = |path: &Path| std::fs::metadata(path).unwrap().permissions().mode();
+        assert_eq!(mode(&real), mode(&plain));
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_full_device_is_an_error_and_the_null_device_is_not() {
+        write_file(Path::new("/dev/null"), b"gone").unwrap();
+        let error = write_file(Path::new("/dev/full"), b"x").unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "/dev/full: cannot be written: no space left"
+        );
+        assert_eq!(error.io_kind(), Some(io::ErrorKind::StorageFull));
+    }
+}

@@ -1,0 +1,35 @@
+//! Files of helio-rs: what people write, read into what [`helio_core`] computes with.
+//!
+//! **Units at this edge.** Files speak degrees, metres and times with an offset, always in the name
+//! of a key or column (`_deg`, `_m`); everything handed out is radians, metres and nanoseconds of
+//! Unix time. Points are right-handed east, north, up.
+//!
+//! **Reading.** [`load_field`] reads a `field.toml` and the tables it names into a [`LoadedField`]:
+//! the site, the targets, the heliostats as a [`helio_core::Field`], their drives, and a
+//! [`CalibrationSchedule`] where calibrations change with the hour or the date. [`load_suns`],
+//! [`load_present`] and [`load_angles`] read the small tables of the command line;
+//! [`parse_time`] and [`TimeRange`] its times. [`schema`] describes `field.toml` for editors.
+//!
+//! **Writing.** [`output`] writes results; [`AtomicFile`] makes them appear whole or not at all.
+//!
+//! **Errors.** Every message names the file, the line and column (or the row), what was found and
+//! what was wanted; see [`IoError`].
+
+mod atomic;
+mod error;
+mod field;
+mod keys;
+pub mod output;
+mod schema;
+mod small;
+mod table;
+mod times;
+mod toml;
+
+pub use atomic::{AtomicFile, write_file};
+pub use error::{IoError, Place, Problem};
+pub use field::{CalibrationSchedule, LoadedField, Site, Target, TargetArea, load_field};
+pub use schema::schema;
+pub use small::{Angles, AnglesSun, PresentAngles, Suns, load_angles, load_present, load_suns};
+pub use table::PARQUET_THREAD;
+pub use times::{TimeRange, format_time, parse_step, parse_time};

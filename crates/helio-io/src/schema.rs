@@ -1,0 +1,87 @@
+//! JSON Schema of `field.toml`.
+
+use serde_json::{Map, Value, json};
+
+use crate::keys::{self, Key, Kind};
+
+/// JSON Schema (draft 2020-12) of `field.toml`, for editors that complete and check TOML by one.
+///
+/// It is made from the same list of keys that the parser asks, so that both know the same names.
+///
+/// ```
+/// let schema = helio_io::schema();
+/// let latitude = &schema["properties"]["site"]["properties"]["latitude_deg"];
+/// assert_eq!(latitude["maximum"], 90.0);
+/// ```
+#[must_use]
+pub fn schema() -> Value {
+    let mut schema = object(keys::FILE);
+    schema.insert(
+        "$schema".into(),
+        json!("https://json-schema.org/draft/2020-12/schema"),
+    );
+    schema.insert("title".into(), json!("field.toml of helio-rs"));
+    let about = "A heliostat field: where it lies, what can be aimed at, and its heliostats. \
+        Metres east, north, up; degrees clockwise from north and up from the horizon.";
+    schema.insert("description".into(), json!(about));
+    Value::Object(schema)
+}
+
+fn object(known: &[&Key]) -> Map<String, Value> {
+    let properties: Map<String, Value> = known
+        .iter()
+        .map(|key| (key.name.to_string(), property(key)))
+        .collect();
+    let required: Vec<&str> = known
+        .iter()
+        .filter(|key| key.required)
+        .map(|key| key.name)
+        .collect();
+    let mut object = Map::new();
+    object.insert("type".into(), json!("object"));
+    object.insert("properties".into(), Value::Object(properties));
+    if !required.is_empty() {
+        object.insert("required".into(), json!(required));
+    }
+    object.insert("additionalProperties".into(), json!(false));
+    object
+}
+
+fn property(key: &Key) -> Value {
+    let mut property = match &key.kind {
+        Kind::Text => fields(json!({ "type": "string" })),
+        Kind::Word(words) => fields(json!({ "type": "string", "enum": words })),
+        Kind::Number(min, max) => {
+            fields(json!({ "type": "number", "minimum": min, "maximum": max }))
+        }
+        Kind::YesNo => fields(json!({ "enum": [0, 1, false, true] })),
+        Kind::OneOf(values) => fields(json!({ "enum": values })),
+        Kind::Time => fields(json!({ "type": "string", "format": "date-time" })),
+        Kind::Enu => fields(json!({
+            "type": "array", "items": { "type": "number" }, "minItems": 3, "maxItems": 3
+        })),
+        Kind::Texts => fields(json!({ "type": "array", "items": { "type": "string" } })),
+        Kind::Table(known) => object(known),
+        Kind::Named(known) => fields(json!({
+            "type": "object", "additionalProperties": object(known)
+        })),
+        Kind::Renames(known) => {
+            let properties: Map<String, Value> = known
+                .iter()
+                .map(|key| (key.name.to_string(), json!({ "type": "string" })))
+                .collect();
+            fields(json!({
+                "type": "object", "properties": properties, "additionalProperties": false
+            }))
+        }
+    };
+    property.insert("description".into(), json!(key.about));
+    Value::Object(property)
+}
+
+fn fields(value: Value) -> Map<String, Value> {
+    match value {
+        Value::Object(fields) => fields,
+        _ => Map::new(),
+    }
+}

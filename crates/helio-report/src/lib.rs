@@ -1,0 +1,66 @@
+//! Figures of helio-rs as SVG, and self-contained HTML pages that hold them.
+//!
+//! [`field_map`] draws a field from above, each heliostat coloured by an angle or by its status;
+//! [`angle_curves`] draws axis angles and incidence of a few heliostats over time. Both give a
+//! [`Figure`], which [`Figure::to_svg`] turns into a file, [`stack`] puts under another, and
+//! [`Page`] shows in HTML. A figure needs nothing from outside: no script, no font, no style sheet.
+//!
+//! Units at this edge are those printed: metres and degrees. Colours are safe for colour-blind
+//! readers: viridis for values, a darkened twilight (cyclic) for azimuths, and the palette of Okabe
+//! and Ito for statuses.
+
+mod curves;
+mod html;
+mod map;
+mod palette;
+mod svg;
+mod ticks;
+
+pub use curves::{AngleCurves, Curve, CurveAxis, angle_curves};
+pub use html::Page;
+pub use map::{FieldMap, MapColour, field_map};
+pub use svg::{Figure, stack};
+
+/// A figure that cannot be drawn.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum FigureError {
+    /// Two columns of one figure differ in length.
+    LengthMismatch {
+        /// The column.
+        what: &'static str,
+        /// Entries wanted.
+        expected: usize,
+        /// Entries given.
+        got: usize,
+    },
+    /// There is nothing to draw.
+    Empty {
+        /// What is missing.
+        what: &'static str,
+    },
+}
+
+impl std::fmt::Display for FigureError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::LengthMismatch { what, expected, got } => {
+                write!(f, "figure: {what}: expected {expected} entries, got {got}")
+            }
+            Self::Empty { what } => write!(f, "figure: there is no {what} to draw"),
+        }
+    }
+}
+
+impl std::error::Error for FigureError {}
+
+pub(crate) fn equal(what: &'static str, expected: usize, got: usize) -> Result<(), FigureError> {
+    if expected == got {
+        return Ok(());
+    }
+    Err(FigureError::LengthMismatch {
+        what,
+        expected,
+        got,
+    })
+}
