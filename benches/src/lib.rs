@@ -30,7 +30,10 @@ pub fn read_peer_input(path: &Path) -> Result<PeerInput, String> {
         .map(|chunk| f64::from_le_bytes(std::array::from_fn(|k| chunk[k])))
         .collect();
     if values.len() != 14 * n {
-        return Err(format!("expected 14 columns of {n} rows, got {} numbers", values.len()));
+        return Err(format!(
+            "expected 14 columns of {n} rows, got {} numbers",
+            values.len()
+        ));
     }
     let mut field = Field::new(TrackingMode::AzimuthElevation);
     for row in 0..n {
@@ -54,7 +57,9 @@ pub fn read_peer_input(path: &Path) -> Result<PeerInput, String> {
                 axis2_max_rad: at(13),
             },
         };
-        field.push(&row.to_string(), heliostat).map_err(|e| e.to_string())?;
+        field
+            .push(&row.to_string(), heliostat)
+            .map_err(|e| e.to_string())?;
     }
     let sun =
         EnuUnit::from_azimuth_elevation(number("sun_azimuth_rad")?, number("sun_elevation_rad")?);

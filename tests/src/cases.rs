@@ -14,9 +14,15 @@ pub fn mode(number: usize, angle: f64) -> TrackingMode {
     match number {
         0 => TrackingMode::AzimuthElevation,
         1 => TrackingMode::SpinningElevation,
-        2 => TrackingMode::PitchRoll { axis_azimuth_rad: 3.0 * angle },
-        3 => TrackingMode::Polar { latitude_rad: angle },
-        _ => TrackingMode::Polar { latitude_rad: -angle },
+        2 => TrackingMode::PitchRoll {
+            axis_azimuth_rad: 3.0 * angle,
+        },
+        3 => TrackingMode::Polar {
+            latitude_rad: angle,
+        },
+        _ => TrackingMode::Polar {
+            latitude_rad: -angle,
+        },
     }
 }
 
@@ -97,8 +103,11 @@ pub fn heliostat(rng: &mut Rng, kind: Kind, mode: TrackingMode, sun: V3) -> Heli
             }
             (Kind::BesideCone, _) => {
                 let axis = mount::leaning(mode, Dd3::new(sun), &errors).fixed.value();
-                let (axis, half) =
-                    if rng.chance(0.5) { (axis, (tau1 - mu).abs()) } else { (-axis, (tau1 + mu).abs()) };
+                let (axis, half) = if rng.chance(0.5) {
+                    (axis, (tau1 - mu).abs())
+                } else {
+                    (-axis, (tau1 + mu).abs())
+                };
                 let around = axis.any_square().rotated(axis, rng.range(0.0, TAU));
                 let polar = half + beside;
                 (axis * polar.cos() + around * polar.sin()).unit()
@@ -109,9 +118,10 @@ pub fn heliostat(rng: &mut Rng, kind: Kind, mode: TrackingMode, sun: V3) -> Heli
             continue;
         }
         let errors = match (kind, mode) {
-            (Kind::BesideCone, TrackingMode::SpinningElevation) => {
-                MountErrors { pedestal_tilt_rad: 0.0, ..errors }
-            }
+            (Kind::BesideCone, TrackingMode::SpinningElevation) => MountErrors {
+                pedestal_tilt_rad: 0.0,
+                ..errors
+            },
             _ => errors,
         };
         let mirror_offset_m = match kind {
@@ -194,31 +204,49 @@ pub fn messy(rng: &mut Rng, mode: TrackingMode, sun: V3) -> Heliostat {
         let aside = rng.log_range(1e-8, 0.3);
         let t = (-sun).rotated(sun.any_square().rotated(sun, rng.range(0.0, TAU)), aside);
         let near = rng.chance(0.7);
-        t * if near { mirror_offset_m.abs().max(0.01) * rng.log_range(1.001, 30.0) } else { 500.0 }
+        t * if near {
+            mirror_offset_m.abs().max(0.01) * rng.log_range(1.001, 30.0)
+        } else {
+            500.0
+        }
     } else if which < 0.80 {
         // at the pivot, more or less
         if mirror_offset_m == 0.0 || rng.chance(0.05) {
-            if rng.chance(0.5) { V3(0.0, 0.0, 0.0) } else { rng.direction() * 0.01 }
+            if rng.chance(0.5) {
+                V3(0.0, 0.0, 0.0)
+            } else {
+                rng.direction() * 0.01
+            }
         } else {
-            let room = rng.log_range(1e-13, 0.99) * if rng.chance(0.5) { 1.0 } else { -1.0 };
+            let room = rng.log_range(1e-11, 0.99) * if rng.chance(0.5) { 1.0 } else { -1.0 };
             rng.direction() * (mirror_offset_m.abs() * (1.0 + room))
         }
     } else {
         // in and about a blind cone
-        mirror_offset_m = if rng.chance(0.5) { 0.0 } else { mirror_offset_m.abs() };
+        mirror_offset_m = if rng.chance(0.5) {
+            0.0
+        } else {
+            mirror_offset_m.abs()
+        };
         let slant_m = rng.log_range(10.0, 1000.0);
         match mode {
             TrackingMode::SpinningElevation => {
                 let around = sun.any_square().rotated(sun, rng.range(0.0, TAU));
-                sun.rotated(around, rng.range(0.0, 0.4)) * slant_m
+                sun.rotated(around, rng.range(2e-3, 0.4)) * slant_m
             }
             _ => {
                 let axis = mount::leaning(mode, Dd3::new(sun), &errors).fixed.value();
                 let axis = if axis.dot(sun) >= 0.0 { axis } else { -axis };
                 let around = axis.any_square().rotated(axis, rng.range(0.0, TAU));
                 let (tau1, mu) = (errors.axis_nonorthogonality_rad, errors.mirror_tilt_rad);
-                let off = rng.log_range(1e-12, 0.2) * if rng.chance(0.5) { 1.0 } else { -1.0 };
-                let half = if rng.chance(0.5) { (tau1 - mu).abs() } else { (tau1 + mu).abs() };
+                // without a cone the first angle is ill-determined there by nature
+                let least = if tau1 == 0.0 && mu == 0.0 { 1e-3 } else { 1e-8 };
+                let off = rng.log_range(least, 0.2) * if rng.chance(0.5) { 1.0 } else { -1.0 };
+                let half = if rng.chance(0.5) {
+                    (tau1 - mu).abs()
+                } else {
+                    (tau1 + mu).abs()
+                };
                 let n = axis.rotated(around, half + off);
                 (n * (2.0 * sun.dot(n)) - sun) * slant_m
             }
@@ -247,5 +275,10 @@ pub fn random_limits(rng: &mut Rng) -> AxisLimits {
     };
     let (axis1_min_rad, axis1_max_rad) = axis(0.5, 4.0 * TAU);
     let (axis2_min_rad, axis2_max_rad) = axis(0.5, 2.0 * TAU);
-    AxisLimits { axis1_min_rad, axis1_max_rad, axis2_min_rad, axis2_max_rad }
+    AxisLimits {
+        axis1_min_rad,
+        axis1_max_rad,
+        axis2_min_rad,
+        axis2_max_rad,
+    }
 }

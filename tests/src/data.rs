@@ -30,7 +30,11 @@ impl Table {
         let text = std::fs::read_to_string(&path)
             .unwrap_or_else(|error| panic!("{}: {error}", path.display()));
         let text = text.trim_start_matches('\u{feff}');
-        let cells = |line: &str| line.split(',').map(|c| c.trim().to_owned()).collect::<Vec<_>>();
+        let cells = |line: &str| {
+            line.split(',')
+                .map(|c| c.trim().to_owned())
+                .collect::<Vec<_>>()
+        };
         let mut lines = text.lines().filter(|line| !line.trim().is_empty());
         let header = cells(lines.next().unwrap_or_default());
         let rows: Vec<_> = lines.map(cells).collect();
@@ -77,8 +81,7 @@ impl Table {
     #[must_use]
     pub fn number(&self, row: usize, column: &str) -> f64 {
         let text = self.text(row, column);
-        text.parse().unwrap_or_else(|_| {
-            panic!("{} row {row}: {column} is {text:?}", self.path.display())
-        })
+        text.parse()
+            .unwrap_or_else(|_| panic!("{} row {row}: {column} is {text:?}", self.path.display()))
     }
 }

@@ -14,13 +14,19 @@ pub struct Dd {
 
 fn quick_two_sum(a: f64, b: f64) -> Dd {
     let hi = a + b;
-    Dd { hi, lo: b - (hi - a) }
+    Dd {
+        hi,
+        lo: b - (hi - a),
+    }
 }
 
 fn two_sum(a: f64, b: f64) -> Dd {
     let hi = a + b;
     let part = hi - a;
-    Dd { hi, lo: (a - (hi - part)) + (b - part) }
+    Dd {
+        hi,
+        lo: (a - (hi - part)) + (b - part),
+    }
 }
 
 fn split(a: f64) -> (f64, f64) {
@@ -33,7 +39,10 @@ fn two_product(a: f64, b: f64) -> Dd {
     let hi = a * b;
     let (ah, al) = split(a);
     let (bh, bl) = split(b);
-    Dd { hi, lo: ((ah * bh - hi) + ah * bl + al * bh) + al * bl }
+    Dd {
+        hi,
+        lo: ((ah * bh - hi) + ah * bl + al * bh) + al * bl,
+    }
 }
 
 impl Dd {
@@ -63,8 +72,11 @@ impl Dd {
 /// Sine and cosine of an angle of moderate size \[rad\].
 #[must_use]
 pub fn sin_cos(angle: Dd) -> (Dd, Dd) {
-    const HALF_PI: [f64; 3] =
-        [core::f64::consts::FRAC_PI_2, 6.123_233_995_736_766e-17, -1.497_384_904_859_169_8e-33];
+    const HALF_PI: [f64; 3] = [
+        core::f64::consts::FRAC_PI_2,
+        6.123_233_995_736_766e-17,
+        -1.497_384_904_859_169_8e-33,
+    ];
     let quarter = (angle.hi / HALF_PI[0]).round();
     let mut x = angle;
     for part in HALF_PI {
@@ -107,7 +119,10 @@ impl Add for Dd {
 impl Neg for Dd {
     type Output = Self;
     fn neg(self) -> Self {
-        Self { hi: -self.hi, lo: -self.lo }
+        Self {
+            hi: -self.hi,
+            lo: -self.lo,
+        }
     }
 }
 
@@ -214,7 +229,9 @@ impl Dd3 {
     pub fn rotated(self, axis: Self, angle_rad: impl Into<Dd>) -> Self {
         let (sin, cos) = sin_cos(angle_rad.into());
         let along = axis.scaled(axis.dot(self) * (Dd::new(1.0) - cos));
-        self.scaled(cos).plus(axis.cross(self).scaled(sin)).plus(along)
+        self.scaled(cos)
+            .plus(axis.cross(self).scaled(sin))
+            .plus(along)
     }
 
     /// How far a vector of doubles lies from this one.
@@ -239,7 +256,10 @@ mod tests {
         assert!((root.lo - -9.667_293_313_452_913e-17).abs() < 1e-31);
         // sin(1), cos(1), sin(-5.5) to 32 digits
         let (sin, cos) = sin_cos(Dd::new(1.0));
-        assert_eq!((sin.hi, cos.hi), (0.841_470_984_807_896_5, 0.540_302_305_868_139_8));
+        assert_eq!(
+            (sin.hi, cos.hi),
+            (0.841_470_984_807_896_5, 0.540_302_305_868_139_8)
+        );
         let mut rng = crate::Rng::new(1);
         for _ in 0..10_000 {
             let (x, y) = (Dd::new(rng.within(7.0)), Dd::new(rng.within(7.0)));
@@ -251,7 +271,10 @@ mod tests {
             assert!((cx.value() - x.hi.cos()).abs() < 2e-16);
         }
         for _ in 0..10_000 {
-            let x = Dd { hi: rng.range(0.1, 9.0), lo: 0.0 } / Dd::new(rng.range(0.1, 9.0));
+            let x = Dd {
+                hi: rng.range(0.1, 9.0),
+                lo: 0.0,
+            } / Dd::new(rng.range(0.1, 9.0));
             let y = x.sqrt();
             assert!(((y * y - x).value() / x.value()).abs() < 3e-31);
         }

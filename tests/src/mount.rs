@@ -32,22 +32,38 @@ pub fn rest(mode: TrackingMode, to_aim: Dd3) -> Rest {
     let [east, north, up] = [EAST, NORTH, UP].map(Dd3::new);
     match mode {
         // A post; mirror upright, facing north; azimuth turns it clockwise seen from above.
-        TrackingMode::AzimuthElevation => Rest { fixed: up, facing: north, moving: east },
+        TrackingMode::AzimuthElevation => Rest {
+            fixed: up,
+            facing: north,
+            moving: east,
+        },
         // The fixed axis looks at the aim; at rest the mirror faces square to it in the upright plane,
         // upward; growing angles turn it to the left of one who looks at the aim (gamma = -rho, and
         // rho is positive for a sun to the right, eq. 5).
         TrackingMode::SpinningElevation => {
             let t = to_aim.unit();
             let level = Dd3([t.0[0], t.0[1], Dd::new(0.0)]);
-            let ahead = if level.norm().value() > 0.0 { level.unit() } else { north };
+            let ahead = if level.norm().value() > 0.0 {
+                level.unit()
+            } else {
+                north
+            };
             let left = up.cross(ahead);
-            Rest { fixed: t, facing: t.cross(left), moving: left }
+            Rest {
+                fixed: t,
+                facing: t.cross(left),
+                moving: left,
+            }
         }
         // The fixed axis is level; mirror flat, face up; growing angles tip it toward the left of
         // one who looks along the fixed axis (axis east: toward north, gamma = -t1).
         TrackingMode::PitchRoll { axis_azimuth_rad } => {
             let along = north.rotated(up.reversed(), axis_azimuth_rad);
-            Rest { fixed: along, facing: up, moving: up.cross(along) }
+            Rest {
+                fixed: along,
+                facing: up,
+                moving: up.cross(along),
+            }
         }
         // The fixed axis points to the elevated pole; mirror in the meridian, facing the equator;
         // north of the equator growing angles turn it west with the sun. South of it the same
@@ -61,7 +77,11 @@ pub fn rest(mode: TrackingMode, to_aim: Dd3) -> Rest {
             let (sin, cos) = dd::sin_cos(Dd::new(latitude_rad.abs()));
             let fixed = toward_pole.scaled(cos).plus(up.scaled(sin));
             let facing = up.scaled(cos).minus(toward_pole.scaled(sin));
-            Rest { fixed, facing, moving: side }
+            Rest {
+                fixed,
+                facing,
+                moving: side,
+            }
         }
         other => panic!("no drawing of {other:?}"),
     }
@@ -70,13 +90,21 @@ pub fn rest(mode: TrackingMode, to_aim: Dd3) -> Rest {
 /// The mount at rest after its pedestal has been set up leaning.
 #[must_use]
 pub fn leaning(mode: TrackingMode, to_aim: Dd3, errors: &MountErrors) -> Rest {
-    let Rest { fixed, facing, moving } = rest(mode, to_aim);
+    let Rest {
+        fixed,
+        facing,
+        moving,
+    } = rest(mode, to_aim);
     // toward where it leans: from the zero of the first angle by psi_a
     let (sin, cos) = dd::sin_cos(Dd::new(errors.pedestal_tilt_azimuth_rad));
     let lean = facing.scaled(cos).plus(moving.scaled(sin));
     let hinge = fixed.cross(lean);
     let tip = |v: Dd3| v.rotated(hinge, errors.pedestal_tilt_rad);
-    Rest { fixed: tip(fixed), facing: tip(facing), moving: tip(moving) }
+    Rest {
+        fixed: tip(fixed),
+        facing: tip(facing),
+        moving: tip(moving),
+    }
 }
 
 /// The normal for encoder angles: one rotation after the other.
@@ -88,7 +116,11 @@ pub fn forward(
     axis1_rad: f64,
     axis2_rad: f64,
 ) -> Dd3 {
-    let Rest { fixed, facing, moving } = leaning(mode, to_aim, errors);
+    let Rest {
+        fixed,
+        facing,
+        moving,
+    } = leaning(mode, to_aim, errors);
     // Turn about the fixed axis, facing toward moving: clockwise seen from the axis' tip.
     let gamma = Dd::new(axis1_rad) - Dd::new(errors.azimuth_reference_rad);
     let facing = facing.rotated(fixed.reversed(), gamma);
@@ -132,10 +164,16 @@ pub fn inverse(
     errors: &MountErrors,
     n: Dd3,
 ) -> Option<[[f64; 2]; 2]> {
-    let Rest { fixed, facing, moving } = leaning(mode, to_aim, errors);
+    let Rest {
+        fixed,
+        facing,
+        moving,
+    } = leaning(mode, to_aim, errors);
     let [f, facing, moving, n] = [fixed, facing, moving, n].map(Dd3::value);
-    let (sin_tau1, sin_mu) =
-        (errors.axis_nonorthogonality_rad.sin(), errors.mirror_tilt_rad.sin());
+    let (sin_tau1, sin_mu) = (
+        errors.axis_nonorthogonality_rad.sin(),
+        errors.mirror_tilt_rad.sin(),
+    );
     let across = f.cross(n);
     let across_sq = across.dot(across);
     let c = f.dot(n);
@@ -155,11 +193,18 @@ pub fn inverse(
         let level = facing.rotated(-f, gamma);
         let rising = m.cross(level);
         let alpha = n.dot(rising).atan2(n.dot(level));
-        [gamma + errors.azimuth_reference_rad, alpha + errors.elevation_reference_rad]
+        [
+            gamma + errors.azimuth_reference_rad,
+            alpha + errors.elevation_reference_rad,
+        ]
     };
     let [a, b] = [one(z), one(-z)];
     let direct = |s: [f64; 2]| (s[1] - errors.elevation_reference_rad).abs() <= FRAC_PI_2;
-    Some(if direct(a) || !direct(b) { [a, b] } else { [b, a] })
+    Some(if direct(a) || !direct(b) {
+        [a, b]
+    } else {
+        [b, a]
+    })
 }
 
 #[cfg(test)]
@@ -182,7 +227,10 @@ mod tests {
             for [axis1, axis2] in both {
                 let back = forward(mode, t, &errors, axis1, axis2);
                 let off = back.minus(n).value().norm();
-                assert!(off < 1e-13 + 1e-15 / margin.max(1e-9), "{mode:?} {margin} {off:e}");
+                assert!(
+                    off < 1e-13 + 1e-15 / margin.max(1e-9),
+                    "{mode:?} {margin} {off:e}"
+                );
             }
             let rise = both.map(|s| (s[1] - errors.elevation_reference_rad).cos());
             assert!(rise[0] >= -1e-9 && rise[1] <= 1e-9, "{rise:?}");
@@ -199,7 +247,9 @@ mod tests {
         let az_el = TrackingMode::AzimuthElevation;
         close(at(az_el, FRAC_PI_2, 0.0), EAST);
         close(at(az_el, 0.4, FRAC_PI_2), UP);
-        let pitch_roll = TrackingMode::PitchRoll { axis_azimuth_rad: FRAC_PI_2 };
+        let pitch_roll = TrackingMode::PitchRoll {
+            axis_azimuth_rad: FRAC_PI_2,
+        };
         // README of the Jülich records: n = (sin t2, -cos t2 sin t1, cos t2 cos t1), gamma = -t1
         let (t1, t2) = (0.6_f64, -0.3_f64);
         close(
@@ -209,7 +259,10 @@ mod tests {
         let polar = TrackingMode::Polar { latitude_rad: 0.7 };
         // hour angle 90° and declination 0 is due west on the horizon
         close(at(polar, FRAC_PI_2, 0.0), -EAST);
-        close(at(polar, 0.0, FRAC_PI_2), V3(0.0, 0.7_f64.cos(), 0.7_f64.sin()));
+        close(
+            at(polar, 0.0, FRAC_PI_2),
+            V3(0.0, 0.7_f64.cos(), 0.7_f64.sin()),
+        );
         let spinning = TrackingMode::SpinningElevation;
         close(at(spinning, 1.0, FRAC_PI_2), t.unit());
         // Aim in the south: right is west. A sun to the right has rho positive, gamma negative.

@@ -39,7 +39,11 @@ impl Truth {
         let bisector = self.s.plus(self.t).value();
         let n = self.n.value();
         let size = bisector.angle_to(n);
-        if self.t.minus(self.s).dot(self.n).value() >= 0.0 { size } else { -size }
+        if self.t.minus(self.s).dot(self.n).value() >= 0.0 {
+            size
+        } else {
+            -size
+        }
     }
 }
 
@@ -55,7 +59,12 @@ pub fn exact(pivot: V3, aim: V3, mirror_offset_m: f64, sun: V3) -> Option<Truth>
     if slant_m.value() <= mirror_offset_m.abs() || slant_m.value() == 0.0 {
         return None;
     }
-    solve(Dd3::new(sun).unit(), to_aim.unit(), slant_m, mirror_offset_m)
+    solve(
+        Dd3::new(sun).unit(),
+        to_aim.unit(),
+        slant_m,
+        mirror_offset_m,
+    )
 }
 
 fn solve(s: Dd3, t: Dd3, slant_m: Dd, mirror_offset_m: f64) -> Option<Truth> {
@@ -100,7 +109,14 @@ fn solve(s: Dd3, t: Dd3, slant_m: Dd, mirror_offset_m: f64) -> Option<Truth> {
     // sin(tau)/sin(theta) from (9) itself: nothing is divided by sin(theta).
     let k = h * c / (Dd::new(2.0) * c - h * cos_theta);
     let n = mean.scaled(c / cos_theta).plus(difference.scaled(k));
-    Some(Truth { s, t, slant_m, cos_theta, sin_theta, n })
+    Some(Truth {
+        s,
+        t,
+        slant_m,
+        cos_theta,
+        sin_theta,
+        n,
+    })
 }
 
 #[cfg(test)]

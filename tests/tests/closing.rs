@@ -53,17 +53,26 @@ fn close(kind: Kind, mode_number: usize, batch: usize) -> Left {
     let mode = cases::mode(mode_number, rng.range(0.05, 1.4));
     let sun = cases::sun(&mut rng);
     let s = V3::from(sun);
-    let heliostats: Vec<Heliostat> =
-        (0..BATCH).map(|_| cases::heliostat(&mut rng, kind, mode, s)).collect();
+    let heliostats: Vec<Heliostat> = (0..BATCH)
+        .map(|_| cases::heliostat(&mut rng, kind, mode, s))
+        .collect();
     let limited: Vec<Heliostat> = heliostats
         .iter()
-        .map(|h| Heliostat { limits: cases::over_the_top(&h.errors), ..*h })
+        .map(|h| Heliostat {
+            limits: cases::over_the_top(&h.errors),
+            ..*h
+        })
         .collect();
     let run = |heliostats: &[Heliostat]| {
         let tracker = Tracker::new(&cases::field(mode, heliostats), OffsetForm::Exact).unwrap();
         let got = tracker.track(sun);
         for (row, status) in got.status().iter().enumerate() {
-            assert_eq!(*status, Status::Ok, "{kind:?} {mode:?} row {row}: {:?}", heliostats[row]);
+            assert_eq!(
+                *status,
+                Status::Ok,
+                "{kind:?} {mode:?} row {row}: {:?}",
+                heliostats[row]
+            );
         }
         let normals = tracker.forward(got.axis1_rad(), got.axis2_rad()).unwrap();
         (got, normals)
@@ -72,8 +81,7 @@ fn close(kind: Kind, mode_number: usize, batch: usize) -> Left {
     let (over, over_normals) = run(&limited);
     let mut left = Left::default();
     for (row, h) in heliostats.iter().enumerate() {
-        let truth =
-            normal::exact(h.pivot.into(), h.aim.into(), h.mirror_offset_m, s).unwrap();
+        let truth = normal::exact(h.pivot.into(), h.aim.into(), h.mirror_offset_m, s).unwrap();
         let place = || {
             format!(
                 "{mode:?} batch {batch} row {row}, incidence {:.4}°, cone {:.1e}",
@@ -83,7 +91,8 @@ fn close(kind: Kind, mode_number: usize, batch: usize) -> Left {
         };
         let (a, b) = (V3::from(direct_normals[row]), V3::from(over_normals[row]));
         let scale = conditioning(truth.cos_theta.value());
-        left.plain.see(truth.n.distance_to(a).max(truth.n.distance_to(b)), place);
+        left.plain
+            .see(truth.n.distance_to(a).max(truth.n.distance_to(b)), place);
         left.direct.see(truth.n.distance_to(a) / scale, place);
         left.over.see(truth.n.distance_to(b) / scale, place);
         left.between.see((a - b).norm(), place);
@@ -92,8 +101,14 @@ fn close(kind: Kind, mode_number: usize, batch: usize) -> Left {
         let beam = a * (2.0 * s.dot(a)) - s;
         // the beam turns by twice what the normal does
         left.beam.see(0.5 * to_aim.distance_to(beam) / scale, place);
-        left.incidence.see((direct.incidence_rad()[row] - truth.incidence_rad()).abs(), place);
-        assert_eq!(direct.incidence_rad()[row].to_bits(), over.incidence_rad()[row].to_bits());
+        left.incidence.see(
+            (direct.incidence_rad()[row] - truth.incidence_rad()).abs(),
+            place,
+        );
+        assert_eq!(
+            direct.incidence_rad()[row].to_bits(),
+            over.incidence_rad()[row].to_bits()
+        );
         // Which of the two it is, without the crate's help.
         let rise = |axis2: f64| (axis2 - h.errors.elevation_reference_rad).cos();
         assert!(rise(direct.axis2_rad()[row]) > -1e-12, "{}", place());
@@ -108,8 +123,9 @@ fn inverse_then_forward_closes_the_normal() {
     let mut failed = Vec::new();
     let mut total = Left::default();
     for kind in KINDS {
-        let jobs: Vec<_> =
-            (0..MODES).flat_map(|mode| (0..BATCHES).map(move |batch| (mode, batch))).collect();
+        let jobs: Vec<_> = (0..MODES)
+            .flat_map(|mode| (0..BATCHES).map(move |batch| (mode, batch)))
+            .collect();
         let left = jobs
             .into_par_iter()
             .map(|(mode, batch)| close(kind, mode, batch))
@@ -130,7 +146,10 @@ fn inverse_then_forward_closes_the_normal() {
         }
         total = total.merge(left);
     }
-    eprintln!("direct {}\nover {}\nbetween {}", total.direct, total.over, total.between);
+    eprintln!(
+        "direct {}\nover {}\nbetween {}",
+        total.direct, total.over, total.between
+    );
     assert!(total.direct.count + total.over.count >= 1_400_000);
     assert!(failed.is_empty(), "{failed:#?}");
 }
@@ -138,7 +157,9 @@ fn inverse_then_forward_closes_the_normal() {
 /// Forward against rotations about the mount's own axes in the world, one after the other.
 #[test]
 fn forward_is_the_turning_of_the_mount() {
-    let jobs: Vec<_> = (0..MODES).flat_map(|m| (0..20).map(move |b| (m, b))).collect();
+    let jobs: Vec<_> = (0..MODES)
+        .flat_map(|m| (0..20).map(move |b| (m, b)))
+        .collect();
     let worst: Vec<(usize, Worst)> = jobs
         .into_par_iter()
         .map(|(mode_number, batch)| {
@@ -187,7 +208,12 @@ fn forward_is_the_turning_of_the_mount() {
             .iter()
             .filter(|(m, _)| *m == mode)
             .fold(Worst::default(), |sum, (_, w)| sum.merge(w.clone()));
-        eprintln!("{}: {:.3e} of {}", cases::mode(mode, 0.5).as_str(), all.value, all.count);
+        eprintln!(
+            "{}: {:.3e} of {}",
+            cases::mode(mode, 0.5).as_str(),
+            all.value,
+            all.count
+        );
         assert!(all.value < 2e-15, "{all}");
     }
 }

@@ -54,7 +54,10 @@ fn guo_2015_figure_4() {
     let heliostats = fan(sun, &rows);
     let s = V3::from(sun);
     let (mut tau, mut epsilon) = (Worst::default(), Worst::default());
-    for (row, n) in normals(&heliostats, OffsetForm::Approximate, sun).into_iter().enumerate() {
+    for (row, n) in normals(&heliostats, OffsetForm::Approximate, sun)
+        .into_iter()
+        .enumerate()
+    {
         let place = || format!("theta {}°, L/Hz {}", rows[row].0, rows[row].1);
         let to_aim = V3::from(heliostats[row].aim);
         let t = to_aim.unit();
@@ -72,7 +75,9 @@ fn guo_2015_figure_4() {
     let n = normals(&heliostats, OffsetForm::Approximate, sun)[rows.len() - 8];
     assert_eq!(rows[rows.len() - 8], (70.0, 15.0));
     let beam = n * (2.0 * s.dot(n)) - s;
-    let misprint = (V3::from(heliostats[rows.len() - 8].aim) + n).angle_to(beam).to_degrees();
+    let misprint = (V3::from(heliostats[rows.len() - 8].aim) + n)
+        .angle_to(beam)
+        .to_degrees();
     assert!(misprint > 6.5, "{misprint}");
 }
 
@@ -94,7 +99,10 @@ fn the_quartic_agrees_with_the_exact_form() {
     let s = V3::from(sun);
     let mut worst_cosine = Worst::default();
     let mut worst_near = Worst::default();
-    for (row, n) in normals(&heliostats, OffsetForm::Exact, sun).into_iter().enumerate() {
+    for (row, n) in normals(&heliostats, OffsetForm::Exact, sun)
+        .into_iter()
+        .enumerate()
+    {
         let (theta_deg, ratio) = rows[row];
         let place = || format!("theta {theta_deg}°, L/Hz {ratio}");
         let tau = (s + V3::from(heliostats[row].aim).unit()).angle_to(n);
@@ -109,8 +117,18 @@ fn the_quartic_agrees_with_the_exact_form() {
     eprintln!("cosine of tau {worst_cosine}\ntau above 0.5° {worst_near} rad");
     assert!(worst_cosine.value < 2e-14, "{worst_cosine}");
     assert!(worst_near.value < 1e-12, "{worst_near}");
-    for (theta_rad, ratio) in [(0.0, 20.0), (1.6, 20.0), (0.5, 1.4), (f64::NAN, 20.0), (0.5, f64::NAN)] {
-        assert_eq!(tau_by_quartic_rad(theta_rad, ratio), None, "{theta_rad} {ratio}");
+    for (theta_rad, ratio) in [
+        (0.0, 20.0),
+        (1.6, 20.0),
+        (0.5, 1.4),
+        (f64::NAN, 20.0),
+        (0.5, f64::NAN),
+    ] {
+        assert_eq!(
+            tau_by_quartic_rad(theta_rad, ratio),
+            None,
+            "{theta_rad} {ratio}"
+        );
     }
 }
 
@@ -246,10 +264,20 @@ fn guo_2015_laboratory_heliostat() {
     let plane = TargetPlane::level(aim, facing);
     let mut spot = Prediction::default();
     tracker
-        .predict_into(laser, &[axis1], &[axis2], &[plane], &TrackOptions::default(), &mut spot)
+        .predict_into(
+            laser,
+            &[axis1],
+            &[axis2],
+            &[plane],
+            &TrackOptions::default(),
+            &mut spot,
+        )
         .unwrap();
     assert_eq!(spot.status, [Status::Ok]);
-    assert!(spot.u_m[0].abs() < 1e-14 && spot.v_m[0].abs() < 1e-14, "{spot:?}");
+    assert!(
+        spot.u_m[0].abs() < 1e-14 && spot.v_m[0].abs() < 1e-14,
+        "{spot:?}"
+    );
     assert!(spot.beam_error_rad[0] < 4e-15);
     let hit = Enu::new(spot.east_m[0], spot.north_m[0], spot.up_m[0]);
     assert!((hit - aim).norm() < 1e-14);
@@ -279,7 +307,9 @@ fn guo_2015_spinning_elevation() {
             });
         }
         let field = field(TrackingMode::SpinningElevation, &heliostats);
-        let got = Tracker::new(&field, OffsetForm::Approximate).unwrap().track(sun);
+        let got = Tracker::new(&field, OffsetForm::Approximate)
+            .unwrap()
+            .track(sun);
         for (row, h) in heliostats.iter().enumerate() {
             assert_eq!(got.status()[row], Status::Ok);
             let aim = Dd3::new(h.aim.into());
@@ -297,13 +327,20 @@ fn guo_2015_spinning_elevation() {
             let ahead = s.0[1] * cos_phi + s.0[0] * sin_phi;
             let right = s.0[0] * cos_phi - s.0[1] * sin_phi;
             let cos_rho = (level * s.0[2] - t.0[2] * ahead) / sin_2theta;
-            let rho = if right.value() >= 0.0 { arccos(cos_rho) } else { -arccos(cos_rho) };
+            let rho = if right.value() >= 0.0 {
+                arccos(cos_rho)
+            } else {
+                -arccos(cos_rho)
+            };
             // (8)
             let (hz, l) = (h.mirror_offset_m, slant.value());
             let tau = (hz * theta.sin() / (2.0 * l - hz * theta.cos())).asin();
             let alpha = std::f64::consts::FRAC_PI_2 - (theta - tau);
             let place = || format!("theta {}°", theta.to_degrees());
-            worst_rho.see(circle_difference_rad(got.axis1_rad()[row], -rho).abs(), place);
+            worst_rho.see(
+                circle_difference_rad(got.axis1_rad()[row], -rho).abs(),
+                place,
+            );
             worst_alpha.see((got.axis2_rad()[row] - alpha).abs(), place);
         }
     }

@@ -65,7 +65,9 @@ impl Case {
             "pitch-roll" => TrackingMode::PitchRoll {
                 axis_azimuth_rad: self.axis_azimuth_deg.unwrap().to_radians(),
             },
-            "polar" => TrackingMode::Polar { latitude_rad: self.latitude_deg.unwrap().to_radians() },
+            "polar" => TrackingMode::Polar {
+                latitude_rad: self.latitude_deg.unwrap().to_radians(),
+            },
             other => panic!("{other}"),
         }
     }
@@ -102,7 +104,11 @@ fn cases() -> Vec<Case> {
 /// Axis limits of one axis 2, half a turn about an elevation, that a solution of the other kind
 /// (90° or more away in formula elevation, or the same mount to rounding) does not satisfy.
 fn demanded(heliostat: &Heliostat, dual: bool) -> AxisLimits {
-    if dual { over_the_top(&heliostat.errors) } else { AxisLimits::NONE }
+    if dual {
+        over_the_top(&heliostat.errors)
+    } else {
+        AxisLimits::NONE
+    }
 }
 
 #[test]
@@ -115,10 +121,34 @@ fn all_cases_agree_with_forty_digits() {
     let (mut refused, mut answered) = (0, 0);
     for (index, case) in cases().iter().enumerate() {
         let forms = [
-            (OffsetForm::Approximate, false, case.approx, case.normal_neu_approx, case.tau_approx_deg),
-            (OffsetForm::Approximate, true, case.approx_dual, case.normal_neu_approx, case.tau_approx_deg),
-            (OffsetForm::Exact, false, case.exact, case.normal_neu_exact, case.tau_exact_deg),
-            (OffsetForm::Exact, true, case.exact_dual, case.normal_neu_exact, case.tau_exact_deg),
+            (
+                OffsetForm::Approximate,
+                false,
+                case.approx,
+                case.normal_neu_approx,
+                case.tau_approx_deg,
+            ),
+            (
+                OffsetForm::Approximate,
+                true,
+                case.approx_dual,
+                case.normal_neu_approx,
+                case.tau_approx_deg,
+            ),
+            (
+                OffsetForm::Exact,
+                false,
+                case.exact,
+                case.normal_neu_exact,
+                case.tau_exact_deg,
+            ),
+            (
+                OffsetForm::Exact,
+                true,
+                case.exact_dual,
+                case.normal_neu_exact,
+                case.tau_exact_deg,
+            ),
         ];
         for (form, dual, want, want_normal, want_tau_deg) in forms {
             let mut heliostat = case.heliostat();
@@ -126,9 +156,14 @@ fn all_cases_agree_with_forty_digits() {
             let tracker = Tracker::new(&field(case.mode(), &[heliostat]), form).unwrap();
             for &level in SimdLevel::available() {
                 let name = || format!("case {index} {} {form:?} dual {dual} {level}", case.kind);
-                let options = TrackOptions { level: Some(level), ..TrackOptions::default() };
+                let options = TrackOptions {
+                    level: Some(level),
+                    ..TrackOptions::default()
+                };
                 let mut got = Tracking::default();
-                tracker.track_into(&[case.sun()], None, &options, &mut got).unwrap();
+                tracker
+                    .track_into(&[case.sun()], None, &options, &mut got)
+                    .unwrap();
                 let (axis1, axis2) = (got.axis1_rad()[0], got.axis2_rad()[0]);
                 let Some(want) = want else {
                     assert_eq!(got.status(), [Status::Unreachable], "{}", name());
@@ -143,15 +178,20 @@ fn all_cases_agree_with_forty_digits() {
                     let turns = (degrees(got_rad) - want_deg) / 360.0;
                     (360.0 * (turns - turns.round())).to_radians().abs()
                 };
-                let level_part = (want.elevation_deg - case.alpha0_deg).to_radians().cos().abs();
+                let level_part = (want.elevation_deg - case.alpha0_deg)
+                    .to_radians()
+                    .cos()
+                    .abs();
                 worst_elevation.see(off_deg(axis2, want.elevation_deg), name);
                 worst_azimuth.see(off_deg(axis1, want.azimuth_deg) * level_part, name);
                 if !dual {
                     assert!((0.0..std::f64::consts::TAU).contains(&axis1), "{}", name());
                 }
                 let incidence = got.incidence_rad()[0];
-                worst_incidence
-                    .see(circle_difference_rad(incidence, case.incidence_deg.to_radians()).abs(), name);
+                worst_incidence.see(
+                    circle_difference_rad(incidence, case.incidence_deg.to_radians()).abs(),
+                    name,
+                );
                 let normal: V3 = tracker.forward(&[axis1], &[axis2]).unwrap()[0].into();
                 worst_normal.see((normal - from_neu(want_normal)).norm(), name);
                 // tau: how much nearer the normal is to the aim than the bisector
@@ -170,7 +210,13 @@ fn all_cases_agree_with_forty_digits() {
     eprintln!("{answered} answers, {refused} refused, {levels} levels");
     assert_eq!(refused, 18 * 4 * levels);
     assert_eq!(answered, (320 - 18) * 4 * levels);
-    for worst in [&worst_elevation, &worst_azimuth, &worst_normal, &worst_incidence, &worst_tau] {
+    for worst in [
+        &worst_elevation,
+        &worst_azimuth,
+        &worst_normal,
+        &worst_incidence,
+        &worst_tau,
+    ] {
         assert!(worst.value < TOLERANCE_RAD, "{worst}");
     }
 }
@@ -187,7 +233,8 @@ fn the_direct_solution_by_limits_has_the_same_bits() {
             ..AxisLimits::NONE
         };
         let track = |heliostat: Heliostat| {
-            let tracker = Tracker::new(&field(case.mode(), &[heliostat]), OffsetForm::Exact).unwrap();
+            let tracker =
+                Tracker::new(&field(case.mode(), &[heliostat]), OffsetForm::Exact).unwrap();
             let got = tracker.track(case.sun());
             (got.axis1_rad()[0].to_bits(), got.axis2_rad()[0].to_bits())
         };

@@ -22,6 +22,8 @@ const MIN_COS_INCIDENCE: f64 = 1e-6;
 /// What the classifier says of a row.
 struct Verdict {
     status: Status,
+    /// The wanted normal, where there is one that is well determined.
+    truth: Option<normal::Truth>,
     /// How far outside its limits the better solution is \[rad\], and to how much this is known.
     excess_rad: f64,
     excess_sigma_rad: f64,
@@ -30,7 +32,13 @@ struct Verdict {
 
 impl Verdict {
     fn of(status: Status) -> Self {
-        Self { status, excess_rad: 0.0, excess_sigma_rad: 0.0, boundary: false }
+        Self {
+            status,
+            truth: None,
+            excess_rad: 0.0,
+            excess_sigma_rad: 0.0,
+            boundary: false,
+        }
     }
 }
 
@@ -47,33 +55,52 @@ fn classify(mode: TrackingMode, h: &Heliostat, form: OffsetForm, sun: EnuUnit) -
     let aim_room = slant_m - h.mirror_offset_m.abs();
     boundary |= aim_room.abs() < MARGIN * slant_m && slant_m > 0.0;
     if aim_room <= 0.0 {
-        return Verdict { boundary, ..Verdict::of(Status::AimAtPivot) };
+        return Verdict {
+            boundary,
+            ..Verdict::of(Status::AimAtPivot)
+        };
     }
-    let offset_m = if form == OffsetForm::None { 0.0 } else { h.mirror_offset_m };
+    let offset_m = if form == OffsetForm::None {
+        0.0
+    } else {
+        h.mirror_offset_m
+    };
     let Some(truth) = normal::exact(h.pivot.into(), h.aim.into(), offset_m, s) else {
         panic!("no normal: {h:?} {sun:?}");
     };
     let cos = truth.cos_at_mirror() - MIN_COS_INCIDENCE;
     boundary |= cos.abs() < MARGIN;
     if cos <= 0.0 {
-        return Verdict { boundary, ..Verdict::of(Status::SunOpposesAim) };
+        return Verdict {
+            boundary,
+            ..Verdict::of(Status::SunOpposesAim)
+        };
     }
     // What a last bit of the unit vectors does to the normal.
     let normal_sigma = 4e-16 / truth.cos_theta.value();
     let cone = mount::cone_margin(mode, truth.t, &h.errors, truth.n);
     boundary |= cone.abs() < MARGIN + 10.0 * normal_sigma;
     if cone < 0.0 {
-        return Verdict { boundary, ..Verdict::of(Status::Unreachable) };
+        return Verdict {
+            boundary,
+            ..Verdict::of(Status::Unreachable)
+        };
     }
     let Some(both) = mount::inverse(mode, truth.t, &h.errors, truth.n) else {
-        return Verdict { boundary: true, ..Verdict::of(Status::Unreachable) };
+        return Verdict {
+            boundary: true,
+            ..Verdict::of(Status::Unreachable)
+        };
     };
     // How well the axis angles are known: badly face up and beside a cone.
     let fixed = mount::leaning(mode, truth.t, &h.errors).fixed;
     let level = fixed.cross(truth.n).norm().value();
     let angle_sigma = normal_sigma / (level * level) / cone.max(1e-20).sqrt().min(1.0);
     let l = &h.limits;
-    let ranges = [(l.axis1_min_rad, l.axis1_max_rad), (l.axis2_min_rad, l.axis2_max_rad)];
+    let ranges = [
+        (l.axis1_min_rad, l.axis1_max_rad),
+        (l.axis2_min_rad, l.axis2_max_rad),
+    ];
     let outside = |angle: f64, (min, max): (f64, f64)| {
         (-5..=5)
             .map(|turns| angle + TAU * f64::from(turns))
@@ -86,8 +113,20 @@ fn classify(mode: TrackingMode, h: &Heliostat, form: OffsetForm, sun: EnuUnit) -
         .fold(f64::INFINITY, f64::min);
     let excess_sigma_rad = MARGIN + 10.0 * angle_sigma;
     boundary |= (excess - TOLERANCE_RAD).abs() < excess_sigma_rad;
-    let status = if excess > TOLERANCE_RAD { Status::OutsideLimits } else { Status::Ok };
-    Verdict { status, excess_rad: excess, excess_sigma_rad, boundary }
+    let status = if excess > TOLERANCE_RAD {
+        Status::OutsideLimits
+    } else {
+        Status::Ok
+    };
+    // Aim all but at the mirror: any small thing turns the normal a lot.
+    let truth = (aim_room > 0.05 * slant_m).then_some(truth);
+    Verdict {
+        status,
+        truth,
+        excess_rad: excess,
+        excess_sigma_rad,
+        boundary,
+    }
 }
 
 #[derive(Clone, Default)]
@@ -115,7 +154,8 @@ impl Table {
     fn enter(&mut self, wanted: Status, got: Status, place: impl FnOnce() -> String) {
         self.counts[usize::from(wanted.code())][usize::from(got.code())] += 1;
         if wanted != got && self.wrong.len() < 5 {
-            self.wrong.push(format!("wanted {wanted}, got {got}: {}", place()));
+            self.wrong
+                .push(format!("wanted {wanted}, got {got}: {}", place()));
         }
     }
 
@@ -131,8 +171,16 @@ impl Table {
     }
 
     fn print(&self, title: &str) {
-        eprintln!("{title}: {} rows, {} at a boundary left out", self.rows(), self.left_out);
-        eprintln!("{:>18} {:>10?}", "wanted \\ got", Status::ALL.map(Status::code));
+        eprintln!(
+            "{title}: {} rows, {} at a boundary left out",
+            self.rows(),
+            self.left_out
+        );
+        eprintln!(
+            "{:>18} {:>10?}",
+            "wanted \\ got",
+            Status::ALL.map(Status::code)
+        );
         for status in Status::ALL {
             let row = self.counts[usize::from(status.code())];
             if row.iter().sum::<usize>() > 0 {
@@ -143,7 +191,12 @@ impl Table {
 
     fn check(&self, wanted: &[Status]) {
         assert!(self.wrong.is_empty(), "{:#?}", self.wrong);
-        assert!(self.left_out * 1000 < self.rows(), "{} of {}", self.left_out, self.rows());
+        assert!(
+            self.left_out * 1000 < self.rows(),
+            "{} of {}",
+            self.left_out,
+            self.rows()
+        );
         for status in wanted {
             let code = usize::from(status.code());
             assert!(self.counts[code][code] > 2_000, "too few {status}");
@@ -160,18 +213,27 @@ fn numbers_keep_to(status: Status, numbers: &[f64]) -> bool {
     }
 }
 
-/// Limits that hold one solution, or just fail to, by 1e-11 to 0.1 rad.
+/// Limits that hold one solution, or just fail to, by 1e-10 to 0.1 rad.
 fn move_a_limit_beside_the_answer(rng: &mut Rng, mode: TrackingMode, h: &mut Heliostat, s: V3) {
     let Some(truth) = normal::exact(h.pivot.into(), h.aim.into(), h.mirror_offset_m, s) else {
         return;
     };
-    let Some(both) = mount::inverse(mode, truth.t, &h.errors, truth.n) else { return };
+    if mount::cone_margin(mode, truth.t, &h.errors, truth.n) < 1e-2 {
+        return; // where the angles are ill-determined by nature
+    }
+    let Some(both) = mount::inverse(mode, truth.t, &h.errors, truth.n) else {
+        return;
+    };
     let [angle1, angle2] = both[rng.below(2)];
     let mut around = |angle: f64| {
         let middle = angle + TAU * f64::from(rng.below(5) as u32) - 2.0 * TAU;
-        let step = rng.log_range(1e-11, 0.1) * if rng.chance(0.5) { 1.0 } else { -1.0 };
+        let step = rng.log_range(1e-10, 0.1) * if rng.chance(0.5) { 1.0 } else { -1.0 };
         let width = rng.log_range(0.2, 3.0);
-        if rng.chance(0.5) { (middle + step, middle + step + width) } else { (middle + step - width, middle + step) }
+        if rng.chance(0.5) {
+            (middle + step, middle + step + width)
+        } else {
+            (middle + step - width, middle + step)
+        }
     };
     (h.limits.axis1_min_rad, h.limits.axis1_max_rad) = around(angle1);
     (h.limits.axis2_min_rad, h.limits.axis2_max_rad) = around(angle2);
@@ -185,30 +247,54 @@ fn batch(mode_number: usize, batch: u64, form: OffsetForm) -> Table {
         let s = V3::from(sun);
         sun = EnuUnit::try_new(V3(s.0, s.1, -s.2 * rng.range(1e-6, 1.0)).enu()).unwrap();
     }
-    let mut heliostats: Vec<Heliostat> =
-        (0..3001).map(|_| cases::messy(&mut rng, mode, sun.into())).collect();
+    let mut heliostats: Vec<Heliostat> = (0..3001)
+        .map(|_| cases::messy(&mut rng, mode, sun.into()))
+        .collect();
     for h in heliostats.iter_mut().step_by(5) {
         move_a_limit_beside_the_answer(&mut rng, mode, h, sun.into());
     }
     let tracker = Tracker::new(&cases::field(mode, &heliostats), form).unwrap();
     let got = tracker.track(sun);
+    let zero = |column: &[f64]| -> Vec<f64> {
+        column
+            .iter()
+            .map(|x| if x.is_finite() { *x } else { 0.0 })
+            .collect()
+    };
+    let normals = tracker
+        .forward(&zero(got.axis1_rad()), &zero(got.axis2_rad()))
+        .unwrap();
     let mut table = Table::default();
     for (row, h) in heliostats.iter().enumerate() {
         let verdict = classify(mode, h, form, sun);
         let status = got.status()[row];
         let place = || format!("{mode:?} {form:?} sun {sun:?} {h:?}");
         // Whatever the status, the numbers keep to it.
-        let numbers =
-            [got.axis1_rad()[row], got.axis2_rad()[row], got.incidence_rad()[row]];
+        let numbers = [
+            got.axis1_rad()[row],
+            got.axis2_rad()[row],
+            got.incidence_rad()[row],
+        ];
         let excess = got.limit_excess_rad()[row];
         let plain = numbers_keep_to(status, &numbers)
-            && if status == Status::OutsideLimits { excess > 0.0 } else { excess == 0.0 };
-        table.require(plain, || format!("{status} {numbers:?} {excess}: {}", place()));
+            && if status == Status::OutsideLimits {
+                excess > 0.0
+            } else {
+                excess == 0.0
+            };
+        table.require(plain, || {
+            format!("{status} {numbers:?} {excess}: {}", place())
+        });
         if verdict.boundary {
             table.left_out += 1;
             continue;
         }
         table.enter(verdict.status, status, place);
+        if let (Status::Ok, Some(truth)) = (status, &verdict.truth) {
+            let off = truth.n.distance_to(normals[row].into());
+            let near = off < 4e-15 / truth.cos_theta.value() + 2e-14;
+            table.require(near, || format!("normal off by {off:e}: {}", place()));
+        }
         if status == Status::OutsideLimits && verdict.status == status {
             let off = (excess - verdict.excess_rad).abs();
             let near = off < verdict.excess_sigma_rad;
@@ -230,7 +316,9 @@ const TRACKED: [Status; 6] = [
 
 #[test]
 fn a_million_rows_have_the_status_they_deserve() {
-    let jobs: Vec<_> = (0..MODES).flat_map(|m| (0..72).map(move |b| (m, b))).collect();
+    let jobs: Vec<_> = (0..MODES)
+        .flat_map(|m| (0..72).map(move |b| (m, b)))
+        .collect();
     let table = jobs
         .into_par_iter()
         .map(|(mode, b)| batch(mode, b, OffsetForm::Exact))
@@ -243,7 +331,9 @@ fn a_million_rows_have_the_status_they_deserve() {
 
 #[test]
 fn without_offset_too() {
-    let jobs: Vec<_> = (0..MODES).flat_map(|m| (0..8).map(move |b| (m, 100 + b))).collect();
+    let jobs: Vec<_> = (0..MODES)
+        .flat_map(|m| (0..8).map(move |b| (m, 100 + b)))
+        .collect();
     let table = jobs
         .into_par_iter()
         .map(|(mode, b)| batch(mode, b, OffsetForm::None))
@@ -255,7 +345,9 @@ fn without_offset_too() {
 /// Forward: ok, sun below the horizon, or the beam misses the target's front.
 #[test]
 fn predicted_spots_have_the_status_they_deserve() {
-    let jobs: Vec<_> = (0..MODES).flat_map(|m| (0..12).map(move |b| (m, b))).collect();
+    let jobs: Vec<_> = (0..MODES)
+        .flat_map(|m| (0..12).map(move |b| (m, b)))
+        .collect();
     let table = jobs
         .into_par_iter()
         .map(|(mode_number, number)| {
@@ -267,8 +359,13 @@ fn predicted_spots_have_the_status_they_deserve() {
                 sun = EnuUnit::try_new(V3(s.0, s.1, -s.2).enu()).unwrap();
             }
             let s = V3::from(sun);
-            let heliostats: Vec<Heliostat> =
+            let mut heliostats: Vec<Heliostat> =
                 (0..2003).map(|_| cases::messy(&mut rng, mode, s)).collect();
+            for h in &mut heliostats {
+                if h.aim == h.pivot {
+                    h.aim.up += 0.01; // a fixed axis must look somewhere
+                }
+            }
             let planes: Vec<TargetPlane> = heliostats
                 .iter()
                 .map(|_| {
@@ -283,7 +380,14 @@ fn predicted_spots_have_the_status_they_deserve() {
             let tracker = Tracker::new(&field, OffsetForm::Exact).unwrap();
             let mut spots = Prediction::default();
             tracker
-                .predict_into(sun, &axis1, &axis2, &planes, &TrackOptions::default(), &mut spots)
+                .predict_into(
+                    sun,
+                    &axis1,
+                    &axis2,
+                    &planes,
+                    &TrackOptions::default(),
+                    &mut spots,
+                )
                 .unwrap();
             let mut table = Table::default();
             for (row, h) in heliostats.iter().enumerate() {
@@ -309,10 +413,6 @@ fn predicted_spots_have_the_status_they_deserve() {
                 }
                 let pivot = Dd3::new(h.pivot.into());
                 let to_aim = Dd3::new(h.aim.into()).minus(pivot);
-                if to_aim.norm().value() == 0.0 && mode == TrackingMode::SpinningElevation {
-                    table.left_out += 1; // a fixed axis that looks at its own pivot
-                    continue;
-                }
                 let n = mount::forward(mode, to_aim, &h.errors, axis1[row], axis2[row]);
                 let (n, plane) = (n.value(), &planes[row]);
                 let nt = V3::from(plane.normal);
@@ -328,7 +428,15 @@ fn predicted_spots_have_the_status_they_deserve() {
                     continue;
                 }
                 let hits = lit > 0.0 && approach > 0.0 && front > 0.0;
-                table.enter(if hits { Status::Ok } else { Status::MissesTarget }, status, place);
+                table.enter(
+                    if hits {
+                        Status::Ok
+                    } else {
+                        Status::MissesTarget
+                    },
+                    status,
+                    place,
+                );
                 if !(hits && status == Status::Ok) {
                     continue;
                 }
@@ -366,38 +474,63 @@ fn rows_at_the_very_edge_keep_to_their_status() {
     let up = EnuUnit::UP;
     let v = |e: f64, n: f64, u: f64| V3(e, n, u).enu();
     let track = |mode, h: Heliostat, sun: EnuUnit, form| {
-        let got = Tracker::new(&cases::field(mode, &[h]), form).unwrap().track(sun);
-        let numbers = [got.axis1_rad()[0], got.axis2_rad()[0], got.incidence_rad()[0]];
+        let got = Tracker::new(&cases::field(mode, &[h]), form)
+            .unwrap()
+            .track(sun);
+        let numbers = [
+            got.axis1_rad()[0],
+            got.axis2_rad()[0],
+            got.incidence_rad()[0],
+        ];
         let status = got.status()[0];
         assert!(
-            numbers_keep_to(status, &numbers), "{mode:?} {form:?} {status} {numbers:?} {h:?} {sun:?}"
+            numbers_keep_to(status, &numbers),
+            "{mode:?} {form:?} {status} {numbers:?} {h:?} {sun:?}"
         );
         status
     };
-    let forms =
-        [OffsetForm::Exact, OffsetForm::Approximate, OffsetForm::Iterated(3), OffsetForm::None];
+    let forms = [
+        OffsetForm::Exact,
+        OffsetForm::Approximate,
+        OffsetForm::Iterated(3),
+        OffsetForm::None,
+    ];
     for form in forms {
         for number in 0..MODES {
             let mode = cases::mode(number, 0.6);
             for offset_m in [0.0, 0.2] {
-                let at = |aim| Heliostat { mirror_offset_m: offset_m, ..Heliostat::new(v(1.0, 2.0, 3.0), aim) };
+                let at = |aim| Heliostat {
+                    mirror_offset_m: offset_m,
+                    ..Heliostat::new(v(1.0, 2.0, 3.0), aim)
+                };
                 // sun and aim both straight up: face up
                 assert_eq!(track(mode, at(v(1.0, 2.0, 90.0)), up, form), Status::Ok);
                 // nearly so: components whose squares are no longer numbers
-                for tiny in [1e-8, 1e-30, 1e-150, 1e-154, 1e-158, 1e-160, 1e-162, 1e-170, 1e-310] {
+                for tiny in [
+                    1e-8, 1e-30, 1e-150, 1e-154, 1e-158, 1e-160, 1e-162, 1e-170, 1e-310,
+                ] {
                     let sun = EnuUnit::try_new(v(tiny, -tiny, 1.0)).unwrap();
                     assert_eq!(track(mode, at(v(1.0, 2.0, 90.0)), sun, form), Status::Ok);
                 }
                 // sun straight behind the aim's opposite
-                assert_eq!(track(mode, at(v(1.0, 2.0, -50.0)), up, form), Status::SunOpposesAim);
+                assert_eq!(
+                    track(mode, at(v(1.0, 2.0, -50.0)), up, form),
+                    Status::SunOpposesAim
+                );
                 // no aim at all
-                assert_eq!(track(mode, at(v(1.0, 2.0, 3.0)), up, form), Status::AimAtPivot);
+                assert_eq!(
+                    track(mode, at(v(1.0, 2.0, 3.0)), up, form),
+                    Status::AimAtPivot
+                );
                 // sun on the horizon itself is up
                 let low = EnuUnit::try_new(v(1.0, 0.0, -0.0)).unwrap();
                 assert_eq!(track(mode, at(v(50.0, 40.0, 30.0)), low, form), Status::Ok);
             }
             // the aim just where the mirror is
-            let h = Heliostat { mirror_offset_m: 0.5, ..Heliostat::new(v(0.0, 0.0, 0.0), v(0.0, 0.0, 0.5)) };
+            let h = Heliostat {
+                mirror_offset_m: 0.5,
+                ..Heliostat::new(v(0.0, 0.0, 0.0), v(0.0, 0.0, 0.5))
+            };
             assert_eq!(track(mode, h, up, form), Status::AimAtPivot);
         }
     }

@@ -18,9 +18,14 @@ fn predict(
     let tracker = Tracker::new(&cases::field(mode, heliostats), OffsetForm::Exact).unwrap();
     let mut out = Prediction::default();
     for &level in SimdLevel::available() {
-        let options = TrackOptions { level: Some(level), ..TrackOptions::default() };
+        let options = TrackOptions {
+            level: Some(level),
+            ..TrackOptions::default()
+        };
         let before = out.clone();
-        tracker.predict_into(sun, axes.0, axes.1, planes, &options, &mut out).unwrap();
+        tracker
+            .predict_into(sun, axes.0, axes.1, planes, &options, &mut out)
+            .unwrap();
         if level != SimdLevel::available()[0] {
             assert_eq!(before.status, out.status);
             let bits = |column: &[f64]| column.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
@@ -59,11 +64,14 @@ fn a_beam_aimed_at_a_point_of_the_plane_lands_there() {
             // level axes as theory draws them
             assert!(plane.right.as_enu().up.abs() < 1e-15);
             assert!(plane.down.as_enu().up < 0.0);
-            let (u, v) = if batch < 20 { (0.0, 0.0) } else { (rng.within(0.3), rng.within(0.3)) };
+            let (u, v) = if batch < 20 {
+                (0.0, 0.0)
+            } else {
+                (rng.within(0.3), rng.within(0.3))
+            };
             h.aim = plane.point(u, v);
-            let by_hand = V3::from(plane.centre)
-                + V3::from(plane.right) * u
-                + V3::from(plane.down) * v;
+            let by_hand =
+                V3::from(plane.centre) + V3::from(plane.right) * u + V3::from(plane.down) * v;
             assert!((by_hand - V3::from(h.aim)).norm() < 1e-12);
             heliostats.push(h);
             planes.push(plane);
@@ -86,12 +94,22 @@ fn a_beam_aimed_at_a_point_of_the_plane_lands_there() {
             let hit = V3(spots.east_m[row], spots.north_m[row], spots.up_m[row]);
             assert!((hit - V3::from(h.aim)).norm() < 1e-9, "{}", place());
             // as an angle from the mirror
-            let worst = if batch < 20 { &mut worst_centre } else { &mut worst_point };
+            let worst = if batch < 20 {
+                &mut worst_centre
+            } else {
+                &mut worst_point
+            };
             worst.see(off / (slant + 1000.0), place);
-            assert!(spots.beam_error_rad[row] < 3e-14, "{}", spots.beam_error_rad[row]);
+            assert!(
+                spots.beam_error_rad[row] < 3e-14,
+                "{}",
+                spots.beam_error_rad[row]
+            );
         }
     }
-    eprintln!("at the centre {worst_centre}, at a point {worst_point} (per metre of way and place)");
+    eprintln!(
+        "at the centre {worst_centre}, at a point {worst_point} (per metre of way and place)"
+    );
     assert!(worst_centre.value < 2e-13 && worst_point.value < 2e-13);
 }
 
@@ -103,13 +121,25 @@ fn u_is_west_and_v_down_on_a_target_that_faces_north() {
     let sun = EnuUnit::from_azimuth_elevation(3.3, 0.7);
     let at = |east: f64, up: f64| {
         let aim = Enu::new(east, 0.0, up);
-        let h = Heliostat { mirror_offset_m: 0.2, ..Heliostat::new(Enu::new(30.0, 120.0, 2.0), aim) };
+        let h = Heliostat {
+            mirror_offset_m: 0.2,
+            ..Heliostat::new(Enu::new(30.0, 120.0, 2.0), aim)
+        };
         let mode = TrackingMode::AzimuthElevation;
-        let got = Tracker::new(&cases::field(mode, &[h]), OffsetForm::Exact).unwrap().track(sun);
-        let spots = predict(mode, &[h], sun, (got.axis1_rad(), got.axis2_rad()), &[plane]);
+        let got = Tracker::new(&cases::field(mode, &[h]), OffsetForm::Exact)
+            .unwrap()
+            .track(sun);
+        let spots = predict(
+            mode,
+            &[h],
+            sun,
+            (got.axis1_rad(), got.axis2_rad()),
+            &[plane],
+        );
         (spots.u_m[0], spots.v_m[0])
     };
-    let close = |a: (f64, f64), b: (f64, f64)| assert!((a.0 - b.0).hypot(a.1 - b.1) < 1e-12, "{a:?}");
+    let close =
+        |a: (f64, f64), b: (f64, f64)| assert!((a.0 - b.0).hypot(a.1 - b.1) < 1e-12, "{a:?}");
     close(at(0.0, 50.0), (0.0, 0.0));
     close(at(-1.5, 50.0), (1.5, 0.0)); // west is right
     close(at(0.0, 48.0), (0.0, 2.0)); // below is down
@@ -127,7 +157,8 @@ fn a_rolled_target_turns_u_and_v() {
         let roll = rng.within(3.0);
         let right = V3::from(level.right).rotated(V3::from(normal), -roll);
         let rolled =
-            TargetPlane::with_right(centre, normal, EnuUnit::try_new(right.enu()).unwrap()).unwrap();
+            TargetPlane::with_right(centre, normal, EnuUnit::try_new(right.enu()).unwrap())
+                .unwrap();
         let (u, v) = (rng.within(4.0), rng.within(4.0));
         // turned clockwise as the camera sees it, a spot goes the other way round
         let (sin, cos) = roll.sin_cos();
@@ -148,8 +179,9 @@ fn misses_are_misses() {
         let mode = cases::mode(batch % MODES, 0.7);
         let sun = cases::sun(&mut rng);
         let s = V3::from(sun);
-        let heliostats: Vec<Heliostat> =
-            (0..300).map(|_| cases::heliostat(&mut rng, Kind::Anywhere, mode, s)).collect();
+        let heliostats: Vec<Heliostat> = (0..300)
+            .map(|_| cases::heliostat(&mut rng, Kind::Anywhere, mode, s))
+            .collect();
         let got = Tracker::new(&cases::field(mode, &heliostats), OffsetForm::Exact)
             .unwrap()
             .track(sun);
@@ -190,7 +222,10 @@ fn misses_are_misses() {
             .zip(&planes)
             .map(|(h, p)| {
                 let way = V3::from(h.aim) - V3::from(h.pivot);
-                TargetPlane { centre: (V3::from(h.pivot) - way).enu(), ..*p }
+                TargetPlane {
+                    centre: (V3::from(h.pivot) - way).enu(),
+                    ..*p
+                }
             })
             .collect();
         all_miss(&behind, axes, "a target behind the mirror");
@@ -200,25 +235,42 @@ fn misses_are_misses() {
         let spots = predict(mode, &heliostats, sun, (axes.0, &turned), &planes);
         for row in 0..heliostats.len() {
             if got.incidence_rad()[row] < 1.4 {
-                assert_eq!(spots.status[row], Status::MissesTarget, "the mirror's back, row {row}");
+                assert_eq!(
+                    spots.status[row],
+                    Status::MissesTarget,
+                    "the mirror's back, row {row}"
+                );
             }
         }
         // no angle, no spot; an infinite one is an error
         let nan = vec![f64::NAN; heliostats.len()];
         all_miss(&planes, (&nan, axes.1), "no angle");
         all_miss(&planes, (axes.0, &nan), "no angle");
-        let tracker =
-            Tracker::new(&cases::field(mode, &heliostats), OffsetForm::Exact).unwrap();
+        let tracker = Tracker::new(&cases::field(mode, &heliostats), OffsetForm::Exact).unwrap();
         let infinite = vec![f64::INFINITY; heliostats.len()];
         let options = TrackOptions::default();
         let mut out = Prediction::default();
-        assert!(tracker.predict_into(sun, &infinite, axes.1, &planes, &options, &mut out).is_err());
+        assert!(
+            tracker
+                .predict_into(sun, &infinite, axes.1, &planes, &options, &mut out)
+                .is_err()
+        );
         let short = &planes[1..];
-        assert!(tracker.predict_into(sun, axes.0, axes.1, short, &options, &mut out).is_err());
+        assert!(
+            tracker
+                .predict_into(sun, axes.0, axes.1, short, &options, &mut out)
+                .is_err()
+        );
         // below the horizon nothing is lit
         let night = EnuUnit::try_new(V3(s.0, s.1, -s.2).enu()).unwrap();
-        tracker.predict_into(night, axes.0, axes.1, &planes, &options, &mut out).unwrap();
-        assert!(out.status.iter().all(|status| *status == Status::SunBelowHorizon));
+        tracker
+            .predict_into(night, axes.0, axes.1, &planes, &options, &mut out)
+            .unwrap();
+        assert!(
+            out.status
+                .iter()
+                .all(|status| *status == Status::SunBelowHorizon)
+        );
         assert!(out.u_m.iter().chain(&out.east_m).all(|x| x.is_nan()));
     }
 }
@@ -234,7 +286,9 @@ fn an_axis_error_moves_the_beam_as_theory_says() {
         let s = V3::from(sun);
         let mut h = cases::heliostat(&mut rng, Kind::Anywhere, mode, s);
         h.errors = helio_core::MountErrors::default();
-        let got = Tracker::new(&cases::field(mode, &[h]), OffsetForm::Exact).unwrap().track(sun);
+        let got = Tracker::new(&cases::field(mode, &[h]), OffsetForm::Exact)
+            .unwrap()
+            .track(sun);
         if got.status()[0] != Status::Ok {
             continue;
         }
@@ -262,6 +316,9 @@ fn an_axis_error_moves_the_beam_as_theory_says() {
         let slant = (V3::from(h.aim) - V3::from(h.pivot)).norm();
         let moved = h.mirror_offset_m.abs() * dn.norm() / slant;
         let off = (spots.beam_error_rad[0] - beam).abs();
-        assert!(off < 1.1 * moved + 20.0 * step * step, "{off:e} {beam:e} {moved:e}");
+        assert!(
+            off < 1.1 * moved + 20.0 * step * step,
+            "{off:e} {beam:e} {moved:e}"
+        );
     }
 }

@@ -10,14 +10,19 @@ use helio_core::{OffsetForm, SimdLevel, TrackOptions, Tracker, Tracking};
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let number = |index: usize, default: usize| {
-        arguments.get(index).map_or(Ok(default), |text| text.parse::<usize>())
+        arguments
+            .get(index)
+            .map_or(Ok(default), |text| text.parse::<usize>())
     };
     let path = arguments.first().ok_or("give the input file")?;
     let input = read_peer_input(Path::new(path))?;
     let (threads, repeats) = (number(1, 1)?, number(2, 11)?);
     let tracker = Tracker::new(&input.field, OffsetForm::Exact)?;
     for &level in SimdLevel::available().iter().rev() {
-        let options = TrackOptions { threads, level: Some(level) };
+        let options = TrackOptions {
+            threads,
+            level: Some(level),
+        };
         let mut out = Tracking::default();
         let suns = [input.sun];
         tracker.track_into(&suns, None, &options, &mut out)?;

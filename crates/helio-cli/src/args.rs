@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::sync::LazyLock;
 
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
+use helio_core::offset::MAX_ITERATIONS;
 use helio_core::{OffsetForm, SimdLevel};
 use helio_io::output::Format;
 
@@ -33,10 +34,17 @@ pub(crate) struct Args {
 /// Name, version, kind of build and what the processor offers.
 fn version() -> &'static str {
     static VERSION: LazyLock<String> = LazyLock::new(|| {
-    let profile = if cfg!(debug_assertions) { "debug" } else { "release" };
-    let (arch, os) = (std::env::consts::ARCH, std::env::consts::OS);
-    let level = SimdLevel::best();
-    format!("{} ({profile} build for {arch}-{os}, instruction set {level})", env!("CARGO_PKG_VERSION"))
+        let profile = if cfg!(debug_assertions) {
+            "debug"
+        } else {
+            "release"
+        };
+        let (arch, os) = (std::env::consts::ARCH, std::env::consts::OS);
+        let level = SimdLevel::best();
+        format!(
+            "{} ({profile} build for {arch}-{os}, instruction set {level})",
+            env!("CARGO_PKG_VERSION")
+        )
     });
     &VERSION
 }
@@ -124,7 +132,12 @@ pub(crate) struct TrackArgs {
     #[arg(long, value_name = "TIME", requires = "from")]
     pub(crate) to: Option<String>,
     /// Step of a range of times, such as 10s, 1min or 1h
-    #[arg(long, value_name = "STEP", requires = "from", allow_hyphen_values = true)]
+    #[arg(
+        long,
+        value_name = "STEP",
+        requires = "from",
+        allow_hyphen_values = true
+    )]
     pub(crate) step: Option<String>,
     /// Table of suns: columns azimuth_deg, elevation_deg
     #[arg(long, value_name = "FILE", conflicts_with_all = ["sun_azimuth_deg", "sun_elevation_deg"])]
@@ -149,7 +162,12 @@ pub(crate) struct TrackArgs {
     #[arg(long, value_name = "FILE")]
     pub(crate) plot: Option<PathBuf>,
     /// What colours the heliostats of the plot
-    #[arg(long, value_name = "WHAT", default_value = "azimuth", requires = "plot")]
+    #[arg(
+        long,
+        value_name = "WHAT",
+        default_value = "azimuth",
+        requires = "plot"
+    )]
     pub(crate) plot_colour: PlotColour,
     /// Heliostats whose angle curves are drawn, separated by commas [default: four of the field]
     #[arg(long, value_name = "IDS", value_delimiter = ',', requires = "plot")]
@@ -166,7 +184,9 @@ pub(crate) struct TrackArgs {
 /// it has none: u_m to the right and v_m down as a camera facing the target sees them.
 /// Shading and blocking are not computed.
 #[derive(Debug, ClapArgs)]
-#[command(after_help = "Example:\n  helio-rs predict --field examples/field.toml --angles angles.csv")]
+#[command(
+    after_help = "Example:\n  helio-rs predict --field examples/field.toml --angles angles.csv"
+)]
 pub(crate) struct PredictArgs {
     /// The field.toml
     #[arg(long, value_name = "FILE")]
@@ -186,11 +206,11 @@ pub(crate) struct SunArgs {
     /// Time with its offset from UTC, such as 2026-06-21T12:00:00Z or 2026-06-21T14:00+02:00
     #[arg(long, value_name = "TIME")]
     pub(crate) time: Option<String>,
-    /// Azimuth of the sun, clockwise from north [degrees]
+    /// Azimuth of the sun, clockwise from north, in degrees
     #[arg(long, value_name = "DEG", allow_hyphen_values = true, requires = "sun_elevation_deg",
           value_parser = azimuth)]
     pub(crate) sun_azimuth_deg: Option<f64>,
-    /// Apparent elevation of the sun above the horizon [degrees]
+    /// Apparent elevation of the sun above the horizon, in degrees
     #[arg(long, value_name = "DEG", allow_hyphen_values = true, requires = "sun_azimuth_deg",
           value_parser = elevation)]
     pub(crate) sun_elevation_deg: Option<f64>,
@@ -231,17 +251,17 @@ pub(crate) struct SimulateFieldArgs {
     /// Pattern
     #[arg(long, value_name = "PATTERN", default_value = "radial-staggered")]
     pub(crate) layout: LayoutWord,
-    /// Height of the target above the pivots [m]
+    /// Height of the target above the pivots, in metres
     #[arg(long, value_name = "M", default_value = "120", value_parser = positive_m)]
     pub(crate) tower_height_m: f64,
-    /// Width of a mirror [m]
-    #[arg(long, value_name = "M", default_value = "6", value_parser = positive_m)]
+    /// Width of a mirror, in metres
+    #[arg(long, value_name = "M", default_value = "11", value_parser = positive_m)]
     pub(crate) mirror_width_m: f64,
-    /// Height of a mirror [m]
-    #[arg(long, value_name = "M", default_value = "5", value_parser = positive_m)]
+    /// Height of a mirror, in metres
+    #[arg(long, value_name = "M", default_value = "10", value_parser = positive_m)]
     pub(crate) mirror_height_m: f64,
-    /// Height of the pivots above the ground [m]
-    #[arg(long, value_name = "M", default_value = "3", value_parser = positive_m)]
+    /// Height of the pivots above the ground, in metres
+    #[arg(long, value_name = "M", default_value = "6", value_parser = positive_m)]
     pub(crate) pivot_height_m: f64,
     /// File for the table: .csv, .parquet, .json or .jsonl [default: standard output, CSV]
     #[arg(long, value_name = "FILE")]
@@ -293,8 +313,12 @@ fn offset(text: &str) -> Result<OffsetForm, String> {
         "approximate" => Ok(OffsetForm::Approximate),
         "none" => Ok(OffsetForm::None),
         _ => match text.strip_prefix("iterated:").map(str::parse) {
-            Some(Ok(times)) => Ok(OffsetForm::Iterated(times)),
-            Some(Err(_)) => Err("iterated: wants a number of iterations, such as iterated:2".into()),
+            Some(Ok(times)) if (1..=MAX_ITERATIONS).contains(&times) => {
+                Ok(OffsetForm::Iterated(times))
+            }
+            Some(_) => Err(format!(
+                "iterated: wants a number of iterations in 1..={MAX_ITERATIONS}, such as iterated:2"
+            )),
             None => Err("wanted exact, approximate, iterated:N or none".into()),
         },
     }
@@ -335,7 +359,11 @@ mod tests {
     #[test]
     fn offsets_and_numbers_are_read() {
         assert_eq!(offset("iterated:3"), Ok(OffsetForm::Iterated(3)));
-        assert!(offset("iterated:").is_err() && offset("fast").is_err());
+        assert!(
+            ["iterated:", "iterated:0", "fast"]
+                .iter()
+                .all(|text| offset(text).is_err())
+        );
         assert_eq!(azimuth("-90.5"), Ok(-90.5));
         assert!(azimuth("NaN").is_err() && elevation("90.1").is_err() && azimuth("inf").is_err());
     }

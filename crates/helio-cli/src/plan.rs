@@ -6,7 +6,10 @@ use helio_core::EnuUnit;
 use helio_core::angle::{degrees, radians};
 use helio_core::sun::{SunSite, positions};
 use helio_io::output::{Destination, Format, Layout, Moment, Moments, TableWriter};
-use helio_io::{LoadedField, Site, TimeRange, format_time, load_field, load_suns, parse_time};
+use helio_io::{
+    IoError, LoadedField, Site, TimeRange, format_time, load_field, load_suns, parse_step,
+    parse_time,
+};
 use jiff::fmt::temporal::Pieces;
 
 use crate::args::{FormatWord, OutArgs, SunArgs, TrackArgs};
@@ -71,7 +74,11 @@ impl SunClock {
             None => Err(Failure::refused(format!(
                 "{}: there is no [site], which the sun's position at a time needs; add it, or give \
                  --sun-azimuth-deg and --sun-elevation-deg",
-                loaded.files.first().map_or(Path::new("field.toml"), PathBuf::as_path).display()
+                loaded
+                    .files
+                    .first()
+                    .map_or(Path::new("field.toml"), PathBuf::as_path)
+                    .display()
             ))),
         }
     }
@@ -149,8 +156,16 @@ impl Suns {
             win_over_time(timed, "--suns", printer);
             let suns = load_suns(path)?;
             return Ok(Self::Angles {
-                azimuth_deg: suns.azimuth_rad.into_iter().map(degrees_as_written).collect(),
-                elevation_deg: suns.elevation_rad.into_iter().map(degrees_as_written).collect(),
+                azimuth_deg: suns
+                    .azimuth_rad
+                    .into_iter()
+                    .map(degrees_as_written)
+                    .collect(),
+                elevation_deg: suns
+                    .elevation_rad
+                    .into_iter()
+                    .map(degrees_as_written)
+                    .collect(),
             });
         }
         if let Some(given) = Self::given(&args.sun) {
@@ -158,7 +173,12 @@ impl Suns {
             return Ok(given);
         }
         if let (Some(from), Some(to), Some(step)) = (&args.from, &args.to, &args.step) {
-            let range = TimeRange::parse(from, to, step)?;
+            let range = TimeRange::new(
+                time("--from", from)?,
+                time("--to", to)?,
+                parse_step(step).map_err(|e| typed("--step", &e))?,
+            )
+            .map_err(|e| typed("--from and --to", &e))?;
             return Self::times(range, from, loaded);
         }
         Self::one(&args.sun, loaded, printer)
@@ -171,12 +191,16 @@ impl Suns {
         printer: &Printer,
     ) -> Result<Self, Failure> {
         if let Some(given) = Self::given(args) {
-            win_over_time(args.time.is_some(), "--sun-azimuth-deg and --sun-elevation-deg", printer);
+            win_over_time(
+                args.time.is_some(),
+                "--sun-azimuth-deg and --sun-elevation-deg",
+                printer,
+            );
             return Ok(given);
         }
         match &args.time {
             Some(text) => {
-                let unix_ns = parse_time(text)?;
+                let unix_ns = time("--time", text)?;
                 Self::times(TimeRange::new(unix_ns, unix_ns, 1)?, text, loaded)
             }
             None => {
@@ -184,7 +208,10 @@ impl Suns {
                 let now = jiff::Timestamp::now().as_second();
                 let unix_ns = now.saturating_mul(1_000_000_000);
                 let suns = Self::times(TimeRange::new(unix_ns, unix_ns, 1)?, "", loaded)?;
-                printer.note(format_args!("no time or sun given: now, {}", format_time(unix_ns)));
+                printer.note(format_args!(
+                    "no time or sun given: now, {}",
+                    format_time(unix_ns)
+                ));
                 Ok(suns)
             }
         }
@@ -247,18 +274,32 @@ impl Suns {
                 let last = (first + count).min(azimuth_deg.len());
                 block.azimuth_deg = azimuth_deg[first..last].to_vec();
                 block.elevation_deg = elevation_deg[first..last].to_vec();
-                let in_radians = |deg: &[f64]| -> Vec<f64> { deg.iter().map(|&d| radians(d)).collect() };
-                block.suns =
-                    toward(&in_radians(&block.azimuth_deg), &in_radians(&block.elevation_deg));
+                let in_radians =
+                    |deg: &[f64]| -> Vec<f64> { deg.iter().map(|&d| radians(d)).collect() };
+                block.suns = toward(
+                    &in_radians(&block.azimuth_deg),
+                    &in_radians(&block.elevation_deg),
+                );
             }
         }
         Ok(block)
     }
 }
 
+fn time(option: &str, text: &str) -> Result<i64, Failure> {
+    parse_time(text).map_err(|e| typed(option, &e))
+}
+
+/// Something wrong with what an option was given.
+fn typed(option: &str, error: &IoError) -> Failure {
+    Failure::refused(format!("{option}: {error}"))
+}
+
 fn win_over_time(timed: bool, what: &str, printer: &Printer) {
     if timed {
-        printer.note(format_args!("the sun is given by {what}; the time is not used"));
+        printer.note(format_args!(
+            "the sun is given by {what}; the time is not used"
+        ));
     }
 }
 
@@ -284,7 +325,11 @@ pub(crate) fn hour_angle_rad(sun: EnuUnit, latitude_rad: f64) -> f64 {
 pub(crate) fn degrees_as_written(angle_rad: f64) -> f64 {
     let exact = degrees(angle_rad);
     let short = (exact * 1e9).round() / 1e9;
-    if radians(short) == angle_rad { short } else { exact }
+    if radians(short) == angle_rad {
+        short
+    } else {
+        exact
+    }
 }
 
 /// The format of an output.
@@ -344,14 +389,13 @@ pub(crate) fn not_an_input(path: &Path, inputs: &[PathBuf]) -> Result<(), Failur
         return Ok(());
     };
     let same = |input: &&PathBuf| input.canonicalize().is_ok_and(|input| input == there);
-    match inputs.iter().find(same) {
-        Some(input) => Err(Failure::refused(format!(
-            "{}: this run reads it ({}); write to another file",
-            path.display(),
-            input.display()
-        ))),
-        None => Ok(()),
+    if inputs.iter().any(|input| same(&input)) {
+        return Err(Failure::refused(format!(
+            "{}: this run reads it; write to another file",
+            path.display()
+        )));
     }
+    Ok(())
 }
 
 #[cfg(test)]

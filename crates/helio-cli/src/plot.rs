@@ -7,7 +7,7 @@ use helio_core::angle::degrees;
 use helio_core::{Field, Status, TrackingMode};
 use helio_io::{AtomicFile, IoError, LoadedField, format_time};
 use helio_report::{
-    AngleCurves, Curve, CurveAxis, Figure, FieldMap, MapColour, Page, angle_curves, field_map,
+    AngleCurves, Curve, CurveAxis, FieldMap, Figure, MapColour, Page, angle_curves, field_map,
     stack,
 };
 
@@ -63,7 +63,9 @@ impl Plot {
             Some("html" | "htm") => true,
             _ => {
                 let path = path.display();
-                return Err(Failure::refused(format!("--plot {path}: wanted a .svg or .html file")));
+                return Err(Failure::refused(format!(
+                    "--plot {path}: wanted a .svg or .html file"
+                )));
             }
         };
         let n = field.len();
@@ -72,11 +74,18 @@ impl Plot {
                 .iter()
                 .map(|id| {
                     field.row_of(id).ok_or_else(|| {
-                        Failure::refused(format!("--plot-heliostats: the field has no heliostat `{id}`"))
+                        let (n, first) = (field.len(), field.ids().first());
+                        let first = first.map_or("", String::as_str);
+                        Failure::refused(format!(
+                            "--plot-heliostats: unknown heliostat `{id}`; the field has {n}, the \
+                             first is `{first}`"
+                        ))
                     })
                 })
                 .collect::<Result<Vec<_>, _>>()?,
-            None => (0..CURVES).map(|i| i * n.saturating_sub(1) / (CURVES - 1)).collect(),
+            None => (0..CURVES)
+                .map(|i| i * n.saturating_sub(1) / (CURVES - 1))
+                .collect(),
         };
         if rows.len() > MOST_CURVES {
             return Err(Failure::refused(format!(
@@ -110,7 +119,10 @@ impl Plot {
         let highest = (0..block.suns.len())
             .max_by(|&a, &b| block.elevation_deg[a].total_cmp(&block.elevation_deg[b]));
         if let Some(sun) = highest
-            && self.map.as_ref().is_none_or(|map| map.elevation_deg < block.elevation_deg[sun])
+            && self
+                .map
+                .as_ref()
+                .is_none_or(|map| map.elevation_deg < block.elevation_deg[sun])
         {
             let rows = sun * n..(sun + 1) * n;
             let values = match self.colour {
@@ -264,7 +276,11 @@ fn name(loaded: &LoadedField) -> String {
 
 /// The middle of what is aimed at.
 fn tower(loaded: &LoadedField) -> Option<(f64, f64)> {
-    let centres: Vec<_> = loaded.targets.values().map(|target| target.centre).collect();
+    let centres: Vec<_> = loaded
+        .targets
+        .values()
+        .map(|target| target.centre)
+        .collect();
     let n = centres.len() as f64;
     (n > 0.0).then(|| {
         let east_m: f64 = centres.iter().map(|c| c.east).sum();

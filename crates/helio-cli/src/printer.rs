@@ -80,7 +80,8 @@ impl Printer {
             let bar = ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr());
             let style = "{bar:30} {percent} %  {pos}/{len} suns  {elapsed} gone, {eta} left";
             bar.set_style(
-                ProgressStyle::with_template(style).unwrap_or_else(|_| ProgressStyle::default_bar()),
+                ProgressStyle::with_template(style)
+                    .unwrap_or_else(|_| ProgressStyle::default_bar()),
             );
             Some(bar)
         } else {
@@ -120,8 +121,10 @@ impl Progress {
             let part = self.done as f64 / self.total.max(1) as f64;
             let left_s = self.began.elapsed().as_secs_f64() * (1.0 - part) / part.max(1e-9);
             let (percent, left) = (100.0 * part, clock(left_s));
-            self.printer
-                .say(format_args!("{percent:.0} % of {} suns, {left} left", Grouped(self.total)));
+            self.printer.say(format_args!(
+                "{percent:.0} % of {} suns, {left} left",
+                Grouped(self.total)
+            ));
         }
     }
 
@@ -151,7 +154,10 @@ impl Tally {
     pub(crate) fn add(&mut self, status: &[Status]) {
         for part in status.chunks(1 << 14) {
             // The compiler counts one word of a whole stretch at once, but not seven.
-            let ok = part.iter().map(|&s| u32::from(s == Status::Ok)).sum::<u32>();
+            let ok = part
+                .iter()
+                .map(|&s| u32::from(s == Status::Ok))
+                .sum::<u32>();
             self.0[0] += u64::from(ok);
             if (ok as usize) < part.len() {
                 for &s in part.iter().filter(|&&s| s != Status::Ok) {
@@ -176,7 +182,10 @@ impl Tally {
 
     /// Every status with its rows.
     pub(crate) fn rows(&self) -> Vec<(Status, u64)> {
-        Status::ALL.into_iter().map(|s| (s, self.count(s))).collect()
+        Status::ALL
+            .into_iter()
+            .map(|s| (s, self.count(s)))
+            .collect()
     }
 }
 
@@ -246,6 +255,9 @@ mod tests {
         tally.add(&[Status::Ok; 20_000]);
         tally.add(&[Status::SunBelowHorizon, Status::Unreachable]);
         assert_eq!(tally.failed(), 1);
-        assert_eq!(tally.to_string(), "20,000 ok, 1 unreachable, 1 sun_below_horizon");
+        assert_eq!(
+            tally.to_string(),
+            "20,000 ok, 1 unreachable, 1 sun_below_horizon"
+        );
     }
 }

@@ -1,5 +1,8 @@
 //! Bad input of every kind: what is said about it, and that nothing is left behind.
 
+// Test helpers fail loudly; the lint knows only functions that are tests themselves.
+#![allow(clippy::unwrap_used)]
+
 mod common;
 
 use common::{DRIVES, FIELD, Folder, HELIOSTATS, NOON};
@@ -81,9 +84,17 @@ fn refused(kind: &str, cases: Vec<Case<'_>>) {
         for word in ["panicked", "RUST_BACKTRACE", "unwrap", "src/"] {
             assert!(!stderr.contains(word), "{}: {stderr}", case.what);
         }
-        assert!(folder.contents() == before, "{}: something was left behind", case.what);
+        assert!(
+            folder.contents() == before,
+            "{}: something was left behind",
+            case.what
+        );
         let args = case.args.join(" ");
-        said.push_str(&format!("## {}\n$ helio-rs {args}\n{}\n\n", case.what, stderr.trim_end()));
+        said.push_str(&format!(
+            "## {}\n$ helio-rs {args}\n{}\n\n",
+            case.what,
+            stderr.trim_end()
+        ));
     }
     insta::with_settings!({ omit_expression => true, prepend_module_to_snapshot => false }, {
         insta::assert_snapshot!(kind, said);
@@ -97,14 +108,24 @@ fn missing_files() {
     refused(
         "missing_files",
         vec![
-            any("field.toml does not exist", &["track", "--field", "nowhere.toml"]),
+            any(
+                "field.toml does not exist",
+                &["track", "--field", "nowhere.toml"],
+            ),
             any("field.toml is a folder", &["check", "--field", "."]),
-            toml("the table does not exist", "heliostats.csv", "heliostat.csv"),
+            toml(
+                "the table does not exist",
+                "heliostats.csv",
+                "heliostat.csv",
+            ),
             toml("the table is a folder", "heliostats.csv", "."),
             toml_and("the calibration does not exist", CALIBRATED),
             toml_and("the drives do not exist", "drives = \"drives.csv\"\n"),
             track("suns do not exist", &["--suns", "suns.csv"]),
-            noon("the present angles do not exist", &["--present", "present.csv"]),
+            noon(
+                "the present angles do not exist",
+                &["--present", "present.csv"],
+            ),
             any(
                 "angles do not exist",
                 &["predict", "--field", "field.toml", "--angles", "angles.csv"],
@@ -121,8 +142,16 @@ fn broken_toml() {
             toml("unclosed string", "\"heliostats.csv\"", "\"heliostats.csv"),
             toml("unclosed table", "[site]", "[site"),
             toml("no value", "elevation_m = 20.0", "elevation_m ="),
-            toml("a key twice", "elevation_m = 20.0", "elevation_m = 20.0\nelevation_m = 30.0"),
-            with("not UTF-8", "field.toml", FIELD.replace("Test", "T\u{1}").replace('\u{1}', "\u{fc}").chars().map(|c| c as u8).collect::<Vec<u8>>()),
+            toml(
+                "a key twice",
+                "elevation_m = 20.0",
+                "elevation_m = 20.0\nelevation_m = 30.0",
+            ),
+            with(
+                "not UTF-8",
+                "field.toml",
+                b"[site]\nname = \"J\xfclich\"\n".as_slice(),
+            ),
             with("an empty file", "field.toml", ""),
             with("a table instead", "field.toml", HELIOSTATS),
         ],
@@ -135,10 +164,17 @@ fn unknown_keys() {
         "unknown_keys",
         vec![
             toml("a key of the site", "latitude_deg", "latitude"),
-            toml("a key of the heliostats", "mirror_offset_m", "mirror_ofset_m"),
+            toml(
+                "a key of the heliostats",
+                "mirror_offset_m",
+                "mirror_ofset_m",
+            ),
             toml("a section", "[site]", "[sites]"),
             toml("a key of a target", "centre_enu_m", "center_enu_m"),
-            toml_and("a key of a drive", &DRIVES.replace("steps_per_deg", "steps_per_degree")),
+            toml_and(
+                "a key of a drive",
+                &DRIVES.replace("steps_per_deg", "steps_per_degree"),
+            ),
             toml_and("an axis", "[heliostats.drive.axis3]\ntype = \"encoder\"\n"),
             table("a column", "up_m", "height_m"),
             table("one column more", "up_m\n", "up_m,colour\n"),
@@ -153,9 +189,20 @@ fn wrong_types() {
         vec![
             toml("text for a number", "37.4", "\"37.4\""),
             toml("two numbers for three", "[0.0, 0.0, 120.0]", "[0.0, 120.0]"),
-            toml("text among numbers", "[0.0, 0.0, 120.0]", "[0.0, \"0\", 120.0]"),
+            toml(
+                "text among numbers",
+                "[0.0, 0.0, 120.0]",
+                "[0.0, \"0\", 120.0]",
+            ),
             toml("a number for text", "\"receiver\"", "3"),
-            toml("a list for a table", "[site]\nname = \"Test\"\n", "site = [1, 2]\n[x]\n"),
+            with(
+                "a list for a table",
+                "field.toml",
+                format!(
+                    "site = [37.4, -6.25]\n{}",
+                    &FIELD[FIELD.find("[targets").unwrap()..]
+                ),
+            ),
             toml_and("a word that is none of those", "mode = \"alt-azimuth\"\n"),
             toml_and("a list of texts", "ignore = \"colour\"\n"),
             table("text for a number in the table", "110.0", "far"),
@@ -171,14 +218,31 @@ fn out_of_range() {
         vec![
             toml("a latitude", "37.4", "95.0"),
             toml("a longitude", "-6.25", "187.0"),
-            toml("a site above all mountains", "elevation_m = 20.0", "elevation_m = 20000.0"),
-            toml("a mirror offset", "mirror_offset_m = 0.2", "mirror_offset_m = 1e6"),
+            toml(
+                "a site above all mountains",
+                "elevation_m = 20.0",
+                "elevation_m = 20000.0",
+            ),
+            toml(
+                "a mirror offset",
+                "mirror_offset_m = 0.2",
+                "mirror_offset_m = 1e6",
+            ),
             toml("a target without width", "width_m = 12.0", "width_m = 0.0"),
-            toml_and("an axis far from square", "axis_nonorthogonality_deg = 85.0\n"),
+            toml_and(
+                "an axis far from square",
+                "axis_nonorthogonality_deg = 85.0\n",
+            ),
             toml_and("a tilt upside down", "pedestal_tilt_deg = 180.0\n"),
             table("a pivot beyond the earth", "240.0", "2.4e9"),
-            track("a sun azimuth", &["--sun-azimuth-deg", "400", "--sun-elevation-deg", "40"]),
-            track("a sun elevation", &["--sun-azimuth-deg", "180", "--sun-elevation-deg", "91"]),
+            track(
+                "a sun azimuth",
+                &["--sun-azimuth-deg", "400", "--sun-elevation-deg", "40"],
+            ),
+            track(
+                "a sun elevation",
+                &["--sun-azimuth-deg", "180", "--sun-elevation-deg", "91"],
+            ),
             track("a sun of a table", &["--suns", "suns.csv"])
                 .and("suns.csv", "azimuth_deg,elevation_deg\n180,45\n180,95\n"),
             noon("no threads", &["--threads", "0"]),
@@ -197,7 +261,10 @@ fn not_finite() {
             toml("inf in the TOML", "120.0]", "inf]"),
             track("NaN among suns", &["--suns", "suns.csv"])
                 .and("suns.csv", "azimuth_deg,elevation_deg\n180,NaN\n"),
-            track("NaN as a sun", &["--sun-azimuth-deg", "NaN", "--sun-elevation-deg", "40"]),
+            track(
+                "NaN as a sun",
+                &["--sun-azimuth-deg", "NaN", "--sun-elevation-deg", "40"],
+            ),
             noon("inf among present angles", &["--present", "present.csv"])
                 .and("present.csv", "id,axis1_deg,axis2_deg\nA1,inf,40\n"),
         ],
@@ -214,9 +281,12 @@ fn ids() {
             table("an empty id", "A2", ""),
             table("a huge id", "A2", &long),
             toml("a huge name of the table", "heliostats.csv", &long),
-            toml("a huge name of a target", "aim = \"receiver\"", &format!("aim = \"{long}\"")),
+            toml(
+                "a huge name of a target",
+                "aim = \"receiver\"",
+                &format!("aim = \"{long}\""),
+            ),
             toml("a huge key", "mirror_offset_m", &long),
-            toml("a huge name of the site", "\"Test\"", &format!("\"{long}\"")),
         ],
     );
 }
@@ -228,7 +298,11 @@ fn empty_tables() {
         vec![
             with("no table in the file", "heliostats.csv", ""),
             with("blank lines only", "heliostats.csv", "\n\n"),
-            with("a heading only", "heliostats.csv", "id,east_m,north_m,up_m\n"),
+            with(
+                "a heading only",
+                "heliostats.csv",
+                "id,east_m,north_m,up_m\n",
+            ),
             track("no suns", &["--suns", "suns.csv"])
                 .and("suns.csv", "azimuth_deg,elevation_deg\n"),
             any(
@@ -251,7 +325,11 @@ fn ragged_tables() {
             table("a column missing", "north_m", "aim_north_m"),
             table("a column twice", "north_m", "east_m"),
             table("an empty number", "110.0", ""),
-            with("not UTF-8", "heliostats.csv", b"id,east_m,north_m,up_m\nA\xff,1,2,3\n".as_slice()),
+            with(
+                "not UTF-8",
+                "heliostats.csv",
+                b"id,east_m,north_m,up_m\nA\xff,1,2,3\n".as_slice(),
+            ),
             toml("not Parquet", "heliostats.csv", "heliostats.parquet")
                 .and("heliostats.parquet", "PAR1 and so on"),
         ],
@@ -270,13 +348,23 @@ fn times() {
             track("too late a year", &["--time", "3026-06-21T12:00:00Z"]),
             track(
                 "backwards",
-                &["--from", "2026-06-21T12:00Z", "--to", "2026-06-21T11:00Z", "--step", "1min"],
+                &[
+                    "--from",
+                    "2026-06-21T12:00Z",
+                    "--to",
+                    "2026-06-21T11:00Z",
+                    "--step",
+                    "1min",
+                ],
             ),
             any(
                 "no offset in a table",
                 &["predict", "--field", "field.toml", "--angles", "angles.csv"],
             )
-            .and("angles.csv", "time,id,axis1_deg,axis2_deg\n2026-06-21T12:00:00,A1,170,40\n"),
+            .and(
+                "angles.csv",
+                "time,id,axis1_deg,axis2_deg\n2026-06-21T12:00:00,A1,170,40\n",
+            ),
         ],
     );
 }
@@ -284,7 +372,14 @@ fn times() {
 #[test]
 fn steps() {
     let range = |step| {
-        ["--from", "2026-06-21T11:00Z", "--to", "2026-06-21T12:00Z", "--step", step]
+        [
+            "--from",
+            "2026-06-21T11:00Z",
+            "--to",
+            "2026-06-21T12:00Z",
+            "--step",
+            step,
+        ]
     };
     refused(
         "steps",
@@ -307,34 +402,53 @@ fn unwritable_outputs() {
             noon("a folder", &["--out", ".", "--format", "csv"]),
             noon("a file as a folder", &["--out", "field.toml/angles.csv"]),
             noon("the table that is read", &["--out", "heliostats.csv"]),
-            noon("the field that is read", &["--out", "field.toml", "--format", "csv"]),
+            noon(
+                "the field that is read",
+                &["--out", "field.toml", "--format", "csv"],
+            ),
             noon("an unknown suffix", &["--out", "angles.xlsx"]),
             noon("an unknown format", &["--format", "xlsx"]),
             noon("a plot in no folder", &["--plot", "there/field.svg"]),
             noon("a plot of another kind", &["--plot", "field.png"]),
-            noon("a plot over the table", &["--plot", "heliostats.svg"]),
-        ]
-        .into_iter()
-        .filter(|case| case.what != "a plot over the table")
-        .collect(),
+        ],
     );
 }
 
 #[cfg(target_os = "linux")]
 #[test]
 fn full_outputs() {
-    let range = ["--from", "2026-06-21T00:00Z", "--to", "2026-06-22T00:00Z", "--step", "1s"];
+    let range = [
+        "--from",
+        "2026-06-21T00:00Z",
+        "--to",
+        "2026-06-22T00:00Z",
+        "--step",
+        "1s",
+    ];
     refused(
         "full_outputs",
         vec![
             noon("CSV", &["-q", "--out", "/dev/full"]),
-            noon("Parquet", &["-q", "--out", "/dev/full", "--format", "parquet"]),
+            noon(
+                "Parquet",
+                &["-q", "--out", "/dev/full", "--format", "parquet"],
+            ),
             noon("JSON", &["-q", "--out", "/dev/full", "--format", "json"]),
-            noon("JSON lines", &["-q", "--out", "/dev/full", "--format", "jsonl"]),
-            track("many rows of CSV", &[&range[..], &["-q", "--out", "/dev/full"]].concat()),
+            noon(
+                "JSON lines",
+                &["-q", "--out", "/dev/full", "--format", "jsonl"],
+            ),
+            track(
+                "many rows of CSV",
+                &[&range[..], &["-q", "--out", "/dev/full"]].concat(),
+            ),
             track(
                 "many rows of Parquet",
-                &[&range[..], &["-q", "--out", "/dev/full", "--format", "parquet"]].concat(),
+                &[
+                    &range[..],
+                    &["-q", "--out", "/dev/full", "--format", "parquet"],
+                ]
+                .concat(),
             ),
         ],
     );
@@ -352,15 +466,31 @@ fn options() {
             track("an azimuth alone", &["--sun-azimuth-deg", "180"]),
             track("a range without step", &range),
             track("a step without range", &["--step", "10s"]),
-            noon("a time and a range", &[&range[..], &["--step", "10s"]].concat()),
+            noon(
+                "a time and a range",
+                &[&range[..], &["--step", "10s"]].concat(),
+            ),
             track(
                 "two kinds of suns",
-                &["--suns", "s.csv", "--sun-azimuth-deg", "180", "--sun-elevation-deg", "45"],
+                &[
+                    "--suns",
+                    "s.csv",
+                    "--sun-azimuth-deg",
+                    "180",
+                    "--sun-elevation-deg",
+                    "45",
+                ],
             ),
             noon("a colour without plot", &["--plot-colour", "status"]),
-            noon("an unknown colour", &["--plot", "field.svg", "--plot-colour", "red"]),
+            noon(
+                "an unknown colour",
+                &["--plot", "field.svg", "--plot-colour", "red"],
+            ),
             any("no number of heliostats", &["simulate", "field"]),
-            any("a field of none", &["simulate", "field", "--heliostats", "0"]),
+            any(
+                "a field of none",
+                &["simulate", "field", "--heliostats", "0"],
+            ),
         ],
     );
 }
@@ -370,15 +500,28 @@ fn unknown_names() {
     refused(
         "unknown_names",
         vec![
-            toml("a default target", "aim = \"receiver\"", "aim = \"reciever\""),
+            toml(
+                "a default target",
+                "aim = \"receiver\"",
+                "aim = \"reciever\"",
+            ),
             with(
                 "a target in the table",
                 "heliostats.csv",
                 "id,east_m,north_m,up_m,aim\nA1,0,100,3,receiver\nA2,9,100,3,tower\n",
             ),
-            noon("a heliostat of the plot", &["--plot", "f.svg", "--plot-heliostats", "A1,C7"]),
-            noon("a heliostat that stands somewhere", &["--present", "present.csv"])
-                .and("present.csv", "id,axis1_deg,axis2_deg\nA1,170,40\nA3,170,40\n"),
+            noon(
+                "a heliostat of the plot",
+                &["--plot", "f.svg", "--plot-heliostats", "A1,C7"],
+            ),
+            noon(
+                "a heliostat that stands somewhere",
+                &["--present", "present.csv"],
+            )
+            .and(
+                "present.csv",
+                "id,axis1_deg,axis2_deg\nA1,170,40\nA3,170,40\n",
+            ),
             any(
                 "a heliostat to predict",
                 &["predict", "--field", "field.toml", "--angles", "angles.csv"],
@@ -396,7 +539,10 @@ fn offsets() {
         vec![
             noon("an unknown form", &["--offset", "fast"]),
             noon("no iterations", &["--offset", "iterated:0"]),
-            noon("a number of iterations that is none", &["--offset", "iterated:two"]),
+            noon(
+                "a number of iterations that is none",
+                &["--offset", "iterated:two"],
+            ),
             noon("too many iterations", &["--offset", "iterated:1000"]),
         ],
     );
@@ -410,19 +556,28 @@ fn things_that_do_not_fit() {
         "things_that_do_not_fit",
         vec![
             toml("a time without a site", site, ""),
-            toml_and("a polar mount by its azimuth", "mode = \"polar\"\naxis_azimuth_deg = 90.0\n"),
-            toml_and("a pitch-roll mount without", "mode = \"pitch-roll\"\n"),
-            toml_and("empty limits", "axis1_min_deg = 90.0\naxis1_max_deg = -90.0\n"),
-            toml_and("no heliostats without aim", "").and(
-                "field.toml",
-                FIELD.replace("aim = \"receiver\"\n", ""),
+            toml_and(
+                "a polar mount by its azimuth",
+                "mode = \"polar\"\naxis_azimuth_deg = 90.0\n",
             ),
+            toml_and("a pitch-roll mount without", "mode = \"pitch-roll\"\n"),
+            toml_and(
+                "empty limits",
+                "axis1_min_deg = 90.0\naxis1_max_deg = -90.0\n",
+            ),
+            toml_and("no heliostats without aim", "")
+                .and("field.toml", FIELD.replace("aim = \"receiver\"\n", "")),
             noon("half a present position", &["--present", "present.csv"])
                 .and("present.csv", "id,axis1_deg,axis2_deg\nA1,170,\n"),
-            noon("a present position twice", &["--present", "present.csv"])
-                .and("present.csv", "id,axis1_deg,axis2_deg\nA1,170,40\nA1,171,40\n"),
-            noon("present angles without a column", &["--present", "present.csv"])
-                .and("present.csv", "id,axis1_deg\nA1,170\n"),
+            noon("a present position twice", &["--present", "present.csv"]).and(
+                "present.csv",
+                "id,axis1_deg,axis2_deg\nA1,170,40\nA1,171,40\n",
+            ),
+            noon(
+                "present angles without a column",
+                &["--present", "present.csv"],
+            )
+            .and("present.csv", "id,axis1_deg\nA1,170\n"),
             toml("no target's normal", "[0.0, 1.0, -0.3]", "[0.0, 0.0, 0.0]"),
             toml("half a plane", "width_m = 12.0\n", ""),
         ],
@@ -438,15 +593,20 @@ fn drives() {
             toml_and("no steps in a degree", &DRIVES.replace("1000.0", "0.0")),
             toml_and("no type", &DRIVES.replace("type = \"encoder\"\n", "")),
             toml_and("an unknown type", &DRIVES.replace("encoder", "hydraulic")),
-            toml_and("a number missing", "[heliostats.drive.axis1]\ntype = \"encoder\"\n"),
+            toml_and(
+                "a number missing",
+                "[heliostats.drive.axis1]\ntype = \"encoder\"\n",
+            ),
             toml_and(
                 "a screw that closes no triangle",
                 "[heliostats.drive.axis2]\ntype = \"triangle\"\noffset_m = 0.3\npivot_radius_m = 0.3\n\
                  initial_stroke_length_m = 0.9\ninitial_angle_rad = 0.0\n\
                  increment_steps_per_m = 1000\nclockwise_axis_movement = 0\n",
             ),
-            any("steps without a drive", &predict)
-                .and("angles.csv", "id,axis1_steps,axis2_steps\nA1,170000,40000\n"),
+            any("steps without a drive", &predict).and(
+                "angles.csv",
+                "id,axis1_steps,axis2_steps\nA1,170000,40000\n",
+            ),
             any("neither angles nor steps", &predict).and("angles.csv", "id,time\nA1,\n"),
         ],
     );

@@ -14,7 +14,11 @@ use core::f64::consts::{PI, TAU};
 #[must_use]
 pub fn wrap_tau(angle_rad: f64) -> f64 {
     let remainder = libm::fmod(angle_rad, TAU);
-    let wrapped = if remainder < 0.0 { remainder + TAU } else { remainder };
+    let wrapped = if remainder < 0.0 {
+        remainder + TAU
+    } else {
+        remainder
+    };
     if wrapped < TAU { wrapped } else { 0.0 }
 }
 
@@ -26,6 +30,9 @@ pub fn wrap_tau(angle_rad: f64) -> f64 {
 /// ```
 #[must_use]
 pub fn wrap_pi(angle_rad: f64) -> f64 {
+    if (-PI..PI).contains(&angle_rad) {
+        return angle_rad; // by way of 2π a small angle would lose digits
+    }
     let wrapped = wrap_tau(angle_rad);
     if wrapped < PI { wrapped } else { wrapped - TAU }
 }

@@ -66,7 +66,10 @@ impl Field {
     /// An empty field.
     #[must_use]
     pub fn new(mode: TrackingMode) -> Self {
-        Self { mode, ..Self::default() }
+        Self {
+            mode,
+            ..Self::default()
+        }
     }
 
     /// Adds a heliostat at the end.
@@ -77,7 +80,11 @@ impl Field {
         check(id, &heliostat)?;
         if let Some(&first) = self.rows.get(id) {
             let second = self.len();
-            return Err(FieldError::DuplicateId { id: id.to_string(), first, second });
+            return Err(FieldError::DuplicateId {
+                id: id.to_string(),
+                first,
+                second,
+            });
         }
         self.rows.insert(id.to_string(), self.len());
         self.ids.push(id.to_string());
@@ -136,7 +143,12 @@ impl Field {
 }
 
 fn check(id: &str, heliostat: &Heliostat) -> Result<(), FieldError> {
-    let bad = |what, wanted, value| FieldError::BadValue { id: id.to_string(), what, wanted, value };
+    let bad = |what, wanted, value| FieldError::BadValue {
+        id: id.to_string(),
+        what,
+        wanted,
+        value,
+    };
     let h = heliostat;
     let e = &h.errors;
     let finite = [
@@ -173,11 +185,22 @@ fn check(id: &str, heliostat: &Heliostat) -> Result<(), FieldError> {
         return Err(bad("pedestal_tilt_rad", wanted, e.pedestal_tilt_rad));
     }
     let l = &h.limits;
-    for (axis, min_rad, max_rad) in
-        [("axis1", l.axis1_min_rad, l.axis1_max_rad), ("axis2", l.axis2_min_rad, l.axis2_max_rad)]
-    {
-        if !(min_rad <= max_rad) || min_rad == f64::INFINITY || max_rad == f64::NEG_INFINITY {
-            return Err(FieldError::EmptyLimits { id: id.to_string(), axis, min_rad, max_rad });
+    for (axis, min_rad, max_rad) in [
+        ("axis1", l.axis1_min_rad, l.axis1_max_rad),
+        ("axis2", l.axis2_min_rad, l.axis2_max_rad),
+    ] {
+        if min_rad.is_nan()
+            || max_rad.is_nan()
+            || min_rad > max_rad
+            || min_rad == f64::INFINITY
+            || max_rad == f64::NEG_INFINITY
+        {
+            return Err(FieldError::EmptyLimits {
+                id: id.to_string(),
+                axis,
+                min_rad,
+                max_rad,
+            });
         }
     }
     Ok(())

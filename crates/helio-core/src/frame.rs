@@ -55,14 +55,22 @@ impl Enu {
 impl core::ops::Add for Enu {
     type Output = Self;
     fn add(self, other: Self) -> Self {
-        Self::new(self.east + other.east, self.north + other.north, self.up + other.up)
+        Self::new(
+            self.east + other.east,
+            self.north + other.north,
+            self.up + other.up,
+        )
     }
 }
 
 impl core::ops::Sub for Enu {
     type Output = Self;
     fn sub(self, other: Self) -> Self {
-        Self::new(self.east - other.east, self.north - other.north, self.up - other.up)
+        Self::new(
+            self.east - other.east,
+            self.north - other.north,
+            self.up - other.up,
+        )
     }
 }
 
@@ -98,7 +106,11 @@ impl EnuUnit {
         if !(norm.is_finite() && norm > 1e-150) {
             return Err(FrameError::NoDirection { vector });
         }
-        Ok(Self(Enu::new(vector.east / norm, vector.north / norm, vector.up / norm)))
+        Ok(Self(Enu::new(
+            vector.east / norm,
+            vector.north / norm,
+            vector.up / norm,
+        )))
     }
 
     /// The direction at an azimuth (clockwise from north) and elevation (up from the horizon) \[rad\],
@@ -200,7 +212,12 @@ impl TargetPlane {
     fn from_axes(centre: Enu, normal: EnuUnit, right: EnuUnit) -> Self {
         // Seen from the field, right x down points away from the camera: down = right x (normal) in ENU.
         let down = EnuUnit(normal.as_enu().cross(right.as_enu()) * -1.0);
-        Self { centre, normal, right, down }
+        Self {
+            centre,
+            normal,
+            right,
+            down,
+        }
     }
 
     /// The point of the plane at `u`, `v` \[m\].

@@ -62,7 +62,11 @@ impl Status {
     /// The status of a number, if it is one.
     #[must_use]
     pub const fn from_code(code: u8) -> Option<Self> {
-        if (code as usize) < Self::ALL.len() { Some(Self::ALL[code as usize]) } else { None }
+        if (code as usize) < Self::ALL.len() {
+            Some(Self::ALL[code as usize])
+        } else {
+            None
+        }
     }
 }
 

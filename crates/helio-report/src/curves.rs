@@ -76,7 +76,12 @@ pub fn angle_curves(curves: &AngleCurves<'_>) -> Result<Figure, FigureError> {
         return Err(FigureError::Empty { what: "heliostat" });
     }
     let mut figure = Figure::new(WIDTH, TOP + 3.0 * (PANEL + GAP) + 30.0);
-    figure.text(LEFT, 26.0, "font-size=\"16\" font-weight=\"600\"", curves.title);
+    figure.text(
+        LEFT,
+        26.0,
+        "font-size=\"16\" font-weight=\"600\"",
+        curves.title,
+    );
     let across = Across::new(curves.axis, from, to);
     let turns = [curves.axis1_turns, false, false];
     let names = [curves.axis_names[0], curves.axis_names[1], "incidence"];
@@ -87,17 +92,35 @@ pub fn angle_curves(curves: &AngleCurves<'_>) -> Result<Figure, FigureError> {
             .map(|c| [c.axis1_deg, c.axis2_deg, c.incidence_deg][panel])
             .collect();
         let top = TOP + panel as f64 * (PANEL + GAP);
-        draw_panel(&mut figure, top, names[panel], turns[panel], &across, curves.at, &columns);
+        draw_panel(
+            &mut figure,
+            top,
+            names[panel],
+            turns[panel],
+            &across,
+            curves.at,
+            &columns,
+        );
     }
     let bottom = TOP + 3.0 * PANEL + 2.0 * GAP;
     for (at, text) in &across.labels {
-        figure.text(across.pixel(*at), bottom + 16.0, "text-anchor=\"middle\"", text);
+        figure.text(
+            across.pixel(*at),
+            bottom + 16.0,
+            "text-anchor=\"middle\"",
+            text,
+        );
     }
     let name = match curves.axis {
         CurveAxis::Time { name, .. } => name,
         CurveAxis::Row => "sun, in the order given",
     };
-    figure.text(LEFT + PLOT_WIDTH / 2.0, bottom + 36.0, "text-anchor=\"middle\"", name);
+    figure.text(
+        LEFT + PLOT_WIDTH / 2.0,
+        bottom + 36.0,
+        "text-anchor=\"middle\"",
+        name,
+    );
     for (i, curve) in curves.curves.iter().enumerate() {
         let y = TOP + 12.0 + 20.0 * i as f64;
         let x = LEFT + PLOT_WIDTH + 20.0;
@@ -114,11 +137,8 @@ pub fn angle_curves(curves: &AngleCurves<'_>) -> Result<Figure, FigureError> {
 
 /// Curves past the last colour are dashed.
 fn dash(curve: usize) -> &'static str {
-    [
-        "",
-        " stroke-dasharray=\"6 3\"",
-        " stroke-dasharray=\"2 2\"",
-    ][(curve / palette::CURVES.len()).min(2)]
+    ["", " stroke-dasharray=\"6 3\"", " stroke-dasharray=\"2 2\""]
+        [(curve / palette::CURVES.len()).min(2)]
 }
 
 /// The axis to the right.
@@ -185,7 +205,12 @@ fn draw_panel(
     at: &[i64],
     columns: &[&[f64]],
 ) {
-    let finite = || columns.iter().flat_map(|c| c.iter().copied()).filter(|v| v.is_finite());
+    let finite = || {
+        columns
+            .iter()
+            .flat_map(|c| c.iter().copied())
+            .filter(|v| v.is_finite())
+    };
     let mut min = finite().fold(f64::INFINITY, f64::min);
     let mut max = finite().fold(f64::NEG_INFINITY, f64::max);
     let empty = min > max;
@@ -212,10 +237,20 @@ fn draw_panel(
         let x = across.pixel(*mark);
         figure.line((x, top), (x, top + PANEL), "#e8e8e8");
     }
-    figure.rect(LEFT, top, (PLOT_WIDTH, PANEL), "fill=\"none\" stroke=\"#888\"");
+    figure.rect(
+        LEFT,
+        top,
+        (PLOT_WIDTH, PANEL),
+        "fill=\"none\" stroke=\"#888\"",
+    );
     if empty {
         let (x, y) = (LEFT + PLOT_WIDTH / 2.0, top + PANEL / 2.0);
-        figure.text(x, y, "text-anchor=\"middle\" fill=\"#777\"", "no angle in this time");
+        figure.text(
+            x,
+            y,
+            "text-anchor=\"middle\" fill=\"#777\"",
+            "no angle in this time",
+        );
     }
     for (i, column) in columns.iter().enumerate() {
         let path = path(column, at, turns, across, pixel);
@@ -281,10 +316,18 @@ mod tests {
     #[test]
     fn a_day_is_labelled_by_the_local_clock_and_breaks_at_north() {
         let n = 8641;
-        let at: Vec<i64> = (0..n).map(|i| 1_750_456_800_000_000_000 + i * 10_000_000_000).collect();
+        let at: Vec<i64> = (0..n)
+            .map(|i| 1_750_456_800_000_000_000 + i * 10_000_000_000)
+            .collect();
         let axis1_deg: Vec<f64> = (0..n).map(|i| (300.0 + i as f64 / 48.0) % 360.0).collect();
         let gap: Vec<f64> = (0..n)
-            .map(|i| if (4000..5000).contains(&i) { f64::NAN } else { 10.0 })
+            .map(|i| {
+                if (4000..5000).contains(&i) {
+                    f64::NAN
+                } else {
+                    10.0
+                }
+            })
             .collect();
         let figure = angle_curves(&AngleCurves {
             title: "A day",

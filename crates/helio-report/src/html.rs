@@ -70,7 +70,11 @@ impl Page<'_> {
             html.push_str("</table>\n");
         }
         for figure in self.figures {
-            let _ = writeln!(html, "<figure style=\"margin:1.5em 0\">{}</figure>", figure.element());
+            let _ = writeln!(
+                html,
+                "<figure style=\"margin:1.5em 0\">{}</figure>",
+                figure.element()
+            );
         }
         let _ = write!(
             html,

@@ -44,7 +44,11 @@ pub enum FigureError {
 impl std::fmt::Display for FigureError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::LengthMismatch { what, expected, got } => {
+            Self::LengthMismatch {
+                what,
+                expected,
+                got,
+            } => {
                 write!(f, "figure: {what}: expected {expected} entries, got {got}")
             }
             Self::Empty { what } => write!(f, "figure: there is no {what} to draw"),

@@ -75,7 +75,12 @@ pub fn field_map(map: &FieldMap<'_>) -> Result<Figure, FigureError> {
     }
     let view = View::of(map).ok_or(FigureError::Empty { what: "heliostat" })?;
     let mut figure = Figure::new(WIDTH, TOP + view.size.1 + BOTTOM);
-    figure.text(LEFT, 26.0, "font-size=\"16\" font-weight=\"600\"", map.title);
+    figure.text(
+        LEFT,
+        26.0,
+        "font-size=\"16\" font-weight=\"600\"",
+        map.title,
+    );
     view.draw_frame(&mut figure);
 
     let diameter = view.dot_diameter(n);
@@ -92,7 +97,13 @@ pub fn field_map(map: &FieldMap<'_>) -> Result<Figure, FigureError> {
             values_deg,
             name,
             cyclic,
-        } => draw_angles(&mut figure, (values_deg, name, cyclic), &places, diameter, right),
+        } => draw_angles(
+            &mut figure,
+            (values_deg, name, cyclic),
+            &places,
+            diameter,
+            right,
+        ),
     }
     if let Some((east_m, north_m)) = map.tower_m {
         let (x, y) = view.pixel(east_m, north_m);
@@ -170,24 +181,42 @@ impl View {
         for &e in &easts {
             let (x, _) = self.pixel(e, south);
             figure.line((x, TOP), (x, bottom), "#e8e8e8");
-            figure.text(x, bottom + 16.0, "text-anchor=\"middle\"", &label(e, &easts));
+            figure.text(
+                x,
+                bottom + 16.0,
+                "text-anchor=\"middle\"",
+                &label(e, &easts),
+            );
         }
         let norths = at_steps(south, north, step);
         for &n in &norths {
             let (_, y) = self.pixel(west, n);
             figure.line((LEFT, y), (LEFT + self.size.0, y), "#e8e8e8");
-            figure.text(LEFT - 6.0, y + 4.0, "text-anchor=\"end\"", &label(n, &norths));
+            figure.text(
+                LEFT - 6.0,
+                y + 4.0,
+                "text-anchor=\"end\"",
+                &label(n, &norths),
+            );
         }
         figure.rect(LEFT, TOP, self.size, "fill=\"none\" stroke=\"#888\"");
         figure.text(middle, bottom + 36.0, "text-anchor=\"middle\"", "east (m)");
         let y = TOP + self.size.1 / 2.0;
-        let turn = format!("text-anchor=\"middle\" transform=\"rotate(-90 14 {})\"", Short(y));
+        let turn = format!(
+            "text-anchor=\"middle\" transform=\"rotate(-90 14 {})\"",
+            Short(y)
+        );
         figure.text(14.0, y, &turn, "north (m)");
         let (x, y) = (Short(LEFT + self.size.0 - 18.0), Short(TOP + 34.0));
         figure.raw(format_args!(
             "<path d=\"M{x} {y}v-22m-4 7l4 -8l4 8\" stroke=\"#444\" stroke-width=\"1.5\" fill=\"none\"/>"
         ));
-        figure.text(LEFT + self.size.0 - 18.0, TOP + 46.0, "text-anchor=\"middle\"", "N");
+        figure.text(
+            LEFT + self.size.0 - 18.0,
+            TOP + 46.0,
+            "text-anchor=\"middle\"",
+            "N",
+        );
     }
 }
 
@@ -208,12 +237,24 @@ fn draw_statuses(
             continue;
         }
         figure.dots(palette::status(kind), diameter, &dots);
-        legend(figure, right, &mut y, palette::status(kind), kind.as_str(), dots.len());
+        legend(
+            figure,
+            right,
+            &mut y,
+            palette::status(kind),
+            kind.as_str(),
+            dots.len(),
+        );
     }
 }
 
 fn legend(figure: &mut Figure, x: f64, y: &mut f64, colour: &str, text: &str, count: usize) {
-    figure.rect(x, *y - 9.0, (10.0, 10.0), &format!("rx=\"5\" fill=\"{colour}\""));
+    figure.rect(
+        x,
+        *y - 9.0,
+        (10.0, 10.0),
+        &format!("rx=\"5\" fill=\"{colour}\""),
+    );
     figure.text(x + 16.0, *y, "", text);
     figure.text(x + 16.0, *y + 15.0, "fill=\"#777\"", &count.to_string());
     *y += 38.0;
@@ -230,7 +271,10 @@ fn draw_angles(
     let (mut min, mut max) = if cyclic {
         (0.0, 360.0)
     } else {
-        (finite().fold(f64::INFINITY, f64::min), finite().fold(f64::NEG_INFINITY, f64::max))
+        (
+            finite().fold(f64::INFINITY, f64::min),
+            finite().fold(f64::NEG_INFINITY, f64::max),
+        )
     };
     if max - min < 1e-6 {
         (min, max) = (min - 0.5, max + 0.5);
@@ -278,7 +322,14 @@ fn draw_angles(
         y = top + height + 34.0;
     }
     if !without.is_empty() {
-        legend(figure, right, &mut y, palette::NOTHING, "no angle", without.len());
+        legend(
+            figure,
+            right,
+            &mut y,
+            palette::NOTHING,
+            "no angle",
+            without.len(),
+        );
     }
 }
 
@@ -290,7 +341,11 @@ mod tests {
         let spiral = |i: usize| (20.0 * (i as f64).sqrt(), i as f64 * 2.399_963);
         let east = (0..n).map(|i| spiral(i).0 * spiral(i).1.sin()).collect();
         let north = (0..n).map(|i| spiral(i).0 * spiral(i).1.cos()).collect();
-        (east, north, (0..n).map(|i| i as f64 * 360.0 / n as f64).collect())
+        (
+            east,
+            north,
+            (0..n).map(|i| i as f64 * 360.0 / n as f64).collect(),
+        )
     }
 
     #[test]
@@ -336,7 +391,13 @@ mod tests {
             ..map
         };
         assert!(!field_map(&column).unwrap().to_svg().contains("NaN"));
-        assert!(field_map(&FieldMap { north_m: &[], ..map }).is_err());
+        assert!(
+            field_map(&FieldMap {
+                north_m: &[],
+                ..map
+            })
+            .is_err()
+        );
         let none = FieldMap {
             east_m: &[],
             north_m: &[],
@@ -344,6 +405,9 @@ mod tests {
             colour: MapColour::Status,
             ..map
         };
-        assert_eq!(field_map(&none).unwrap_err(), FigureError::Empty { what: "heliostat" });
+        assert_eq!(
+            field_map(&none).unwrap_err(),
+            FigureError::Empty { what: "heliostat" }
+        );
     }
 }

@@ -66,7 +66,9 @@ impl Figure {
 
     pub(crate) fn text(&mut self, x: f64, y: f64, more: &str, text: &str) {
         let (x, y, text) = (Short(x), Short(y), Escaped(text));
-        self.raw(format_args!("<text x=\"{x}\" y=\"{y}\" {more}>{text}</text>"));
+        self.raw(format_args!(
+            "<text x=\"{x}\" y=\"{y}\" {more}>{text}</text>"
+        ));
     }
 
     pub(crate) fn line(&mut self, from: (f64, f64), to: (f64, f64), colour: &str) {
@@ -113,7 +115,9 @@ pub fn stack(figures: &[Figure]) -> Figure {
     for figure in figures {
         let at = Short(y);
         let body = &figure.body;
-        all.raw(format_args!("<g transform=\"translate(0 {at})\">\n{body}</g>"));
+        all.raw(format_args!(
+            "<g transform=\"translate(0 {at})\">\n{body}</g>"
+        ));
         y += figure.height;
     }
     all
@@ -146,7 +150,9 @@ impl std::fmt::Display for Escaped<'_> {
                 '>' => f.write_str("&gt;")?,
                 '"' => f.write_str("&quot;")?,
                 // XML 1.0 has no way at all to write these.
-                c if c.is_control() && !matches!(c, '\t' | '\n' | '\r') => f.write_char('\u{fffd}')?,
+                c if c.is_control() && !matches!(c, '\t' | '\n' | '\r') => {
+                    f.write_char('\u{fffd}')?
+                }
                 c => f.write_char(c)?,
             }
         }
@@ -163,6 +169,9 @@ mod tests {
         assert_eq!(Short(12.0).to_string(), "12");
         assert_eq!(Short(-0.04).to_string(), "0");
         assert_eq!(Short(-1.26).to_string(), "-1.3");
-        assert_eq!(Escaped("<A & \"B\">\u{1}").to_string(), "&lt;A &amp; &quot;B&quot;&gt;\u{fffd}");
+        assert_eq!(
+            Escaped("<A & \"B\">\u{1}").to_string(),
+            "&lt;A &amp; &quot;B&quot;&gt;\u{fffd}"
+        );
     }
 }

@@ -43,7 +43,9 @@ struct Span(f64, f64);
 
 impl Span {
     fn of(values: impl Iterator<Item = f64>) -> Self {
-        values.fold(Self(f64::INFINITY, f64::NEG_INFINITY), |s, v| Self(s.0.min(v), s.1.max(v)))
+        values.fold(Self(f64::INFINITY, f64::NEG_INFINITY), |s, v| {
+            Self(s.0.min(v), s.1.max(v))
+        })
     }
 }
 
@@ -57,16 +59,27 @@ impl std::fmt::Display for Span {
             if text == "-0" { "0".to_owned() } else { text }
         };
         let (low, high) = (short(self.0), short(self.1));
-        if low == high { f.write_str(&low) } else { write!(f, "{low} to {high}") }
+        if low == high {
+            f.write_str(&low)
+        } else {
+            write!(f, "{low} to {high}")
+        }
     }
 }
 
 fn describe(loaded: &LoadedField, report: &mut Report) {
-    let files: Vec<String> = loaded.files.iter().map(|f| f.display().to_string()).collect();
+    let files: Vec<String> = loaded
+        .files
+        .iter()
+        .map(|f| f.display().to_string())
+        .collect();
     report.line("files", files.join(", "));
     match &loaded.site {
         Some(site) => {
-            let name = site.name.as_deref().map_or(String::new(), |name| format!("{name}, "));
+            let name = site
+                .name
+                .as_deref()
+                .map_or(String::new(), |name| format!("{name}, "));
             let (latitude, longitude) = (degrees(site.latitude_rad), degrees(site.longitude_rad));
             let north = if latitude < 0.0 { 'S' } else { 'N' };
             let east = if longitude < 0.0 { 'W' } else { 'E' };
@@ -85,7 +98,10 @@ fn describe(loaded: &LoadedField, report: &mut Report) {
     let field = &loaded.field;
     let heliostats = field.heliostats();
     let count = Grouped(field.len() as u64);
-    report.line("heliostats", format_args!("{count}, tracking mode {}", field.mode().as_str()));
+    report.line(
+        "heliostats",
+        format_args!("{count}, tracking mode {}", field.mode().as_str()),
+    );
     let span = |of: fn(&helio_core::Heliostat) -> f64| Span::of(heliostats.iter().map(of));
     report.line(
         "pivots",
@@ -97,7 +113,11 @@ fn describe(loaded: &LoadedField, report: &mut Report) {
         ),
     );
     for (number, (name, target)) in loaded.targets.iter().enumerate() {
-        let aiming = loaded.target_of.iter().filter(|&&of| of == Some(number)).count();
+        let aiming = loaded
+            .target_of
+            .iter()
+            .filter(|&&of| of == Some(number))
+            .count();
         let c = target.centre;
         let area = target.area.map_or("a point".to_owned(), |area| {
             format!("{} by {} m", area.width_m, area.height_m)
@@ -115,16 +135,28 @@ fn describe(loaded: &LoadedField, report: &mut Report) {
     }
     let own = loaded.target_of.iter().filter(|of| of.is_none()).count();
     if own > 0 {
-        report.line("own aims", format_args!("{} heliostats", Grouped(own as u64)));
+        report.line(
+            "own aims",
+            format_args!("{} heliostats", Grouped(own as u64)),
+        );
     }
-    report.line("slant range", format_args!("{:.1} m", span(|h| (h.aim - h.pivot).norm())));
-    report.line("mirror offset", format_args!("{:.4} m", span(|h| h.mirror_offset_m)));
+    report.line(
+        "slant range",
+        format_args!("{:.1} m", span(|h| (h.aim - h.pivot).norm())),
+    );
+    report.line(
+        "mirror offset",
+        format_args!("{:.4} m", span(|h| h.mirror_offset_m)),
+    );
     describe_errors(loaded, report);
     describe_limits(loaded, report);
     let driven = |axis: usize| loaded.drives.iter().filter(|d| d[axis].is_some()).count();
     if loaded.has_drives() {
         let (one, two) = (Grouped(driven(0) as u64), Grouped(driven(1) as u64));
-        report.line("drives", format_args!("axis 1 of {one} heliostats, axis 2 of {two}"));
+        report.line(
+            "drives",
+            format_args!("axis 1 of {one} heliostats, axis 2 of {two}"),
+        );
     } else {
         report.line("drives", "none");
     }
@@ -141,7 +173,10 @@ fn describe_errors(loaded: &LoadedField, report: &mut Report) {
     let heliostats = loaded.field.heliostats();
     let mut none = true;
     for (name, of) in [
-        ("pedestal_tilt", (|e| e.pedestal_tilt_rad) as fn(&helio_core::MountErrors) -> f64),
+        (
+            "pedestal_tilt",
+            (|e| e.pedestal_tilt_rad) as fn(&helio_core::MountErrors) -> f64,
+        ),
         ("axis_nonorthogonality", |e| e.axis_nonorthogonality_rad),
         ("mirror_tilt", |e| e.mirror_tilt_rad),
         ("azimuth_reference", |e| e.azimuth_reference_rad),
@@ -149,7 +184,10 @@ fn describe_errors(loaded: &LoadedField, report: &mut Report) {
     ] {
         let span = Span::of(heliostats.iter().map(|h| degrees(of(&h.errors))));
         if span.0 != 0.0 || span.1 != 0.0 {
-            report.line(if none { "errors" } else { "" }, format_args!("{name} {span:.4}°"));
+            report.line(
+                if none { "errors" } else { "" },
+                format_args!("{name} {span:.4}°"),
+            );
             none = false;
         }
     }
@@ -165,19 +203,42 @@ fn describe_limits(loaded: &LoadedField, report: &mut Report) {
         report.line("limits", "none");
         return;
     }
-    let ends = |least: fn(&helio_core::AxisLimits) -> f64, most: fn(&helio_core::AxisLimits) -> f64| {
+    let ends = |least: fn(&helio_core::AxisLimits) -> f64,
+                most: fn(&helio_core::AxisLimits) -> f64| {
         let finite = |of: fn(&helio_core::AxisLimits) -> f64| {
-            Span::of(heliostats.iter().map(|h| degrees(of(&h.limits))).filter(|v| v.is_finite()))
+            Span::of(
+                heliostats
+                    .iter()
+                    .map(|h| degrees(of(&h.limits)))
+                    .filter(|v| v.is_finite()),
+            )
         };
         let say = |span: Span, none: &str| {
-            if span.0 > span.1 { none.to_owned() } else { format!("{span:.3}°") }
+            if span.0 > span.1 {
+                none.to_owned()
+            } else {
+                format!("{span:.3}°")
+            }
         };
-        format!("from {} up to {}", say(finite(least), "anywhere"), say(finite(most), "anywhere"))
+        format!(
+            "from {} up to {}",
+            say(finite(least), "anywhere"),
+            say(finite(most), "anywhere")
+        )
     };
-    report.line("limits", format_args!("axis 1 {}", ends(|l| l.axis1_min_rad, |l| l.axis1_max_rad)));
-    report.line("", format_args!("axis 2 {}", ends(|l| l.axis2_min_rad, |l| l.axis2_max_rad)));
+    report.line(
+        "limits",
+        format_args!("axis 1 {}", ends(|l| l.axis1_min_rad, |l| l.axis1_max_rad)),
+    );
+    report.line(
+        "",
+        format_args!("axis 2 {}", ends(|l| l.axis2_min_rad, |l| l.axis2_max_rad)),
+    );
     if unlimited > 0 {
-        report.line("", format_args!("{} heliostats without limits", Grouped(unlimited as u64)));
+        report.line(
+            "",
+            format_args!("{} heliostats without limits", Grouped(unlimited as u64)),
+        );
     }
 }
 
@@ -210,23 +271,37 @@ fn reachability(loaded: &LoadedField, report: &mut Report) -> Result<(), Failure
         }
     }
     let share = |count: u64| 100.0 * count as f64 / tally.total().max(1) as f64;
-    report.line("reachable", format_args!("over {} {of}:", Grouped(suns.len() as u64)));
+    report.line(
+        "reachable",
+        format_args!("over {} {of}:", Grouped(suns.len() as u64)),
+    );
     for (status, count) in tally.rows().into_iter().filter(|&(_, count)| count > 0) {
-        report.line("", format_args!("{status} {:.3} % of the rows", share(count)));
+        report.line(
+            "",
+            format_args!("{status} {:.3} % of the rows", share(count)),
+        );
     }
     let mut name_some = |what: &str, wanted: &dyn Fn(usize) -> bool| {
         let rows: Vec<usize> = (0..n).filter(|&row| wanted(worked[row])).collect();
         if rows.is_empty() {
             return;
         }
-        let ids: Vec<&str> =
-            rows.iter().take(NAMED).map(|&row| loaded.field.ids()[row].as_str()).collect();
+        let ids: Vec<&str> = rows
+            .iter()
+            .take(NAMED)
+            .map(|&row| loaded.field.ids()[row].as_str())
+            .collect();
         let more = if rows.len() > NAMED { ", ..." } else { "" };
         let count = Grouped(rows.len() as u64);
-        report.line("", format_args!("{what}: {count} heliostats ({}{more})", ids.join(", ")));
+        report.line(
+            "",
+            format_args!("{what}: {count} heliostats ({}{more})", ids.join(", ")),
+        );
     };
     name_some("never reaches its aim", &|worked| worked == 0);
-    name_some("sometimes does not", &|worked| worked > 0 && worked < suns.len());
+    name_some("sometimes does not", &|worked| {
+        worked > 0 && worked < suns.len()
+    });
     Ok(())
 }
 
@@ -256,6 +331,9 @@ fn sample(loaded: &LoadedField) -> Result<(Vec<EnuUnit>, &'static str), Failure>
         Some(_) => "suns of a year (every half hour of every tenth day)",
         None => "suns all over the sky",
     };
-    let up = all.into_iter().filter(|sun| sun.as_enu().up > 0.0).collect();
+    let up = all
+        .into_iter()
+        .filter(|sun| sun.as_enu().up > 0.0)
+        .collect();
     Ok((up, of))
 }

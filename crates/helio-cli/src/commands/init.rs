@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
+use helio_io::output::{Destination, Format, write_table};
 use helio_io::write_file;
 
-use super::simulate::{EXAMPLE, layout_csv};
+use super::simulate::{EXAMPLE, Layout};
 use crate::Outcome;
 use crate::args::InitArgs;
 use crate::failure::Failure;
@@ -32,14 +33,29 @@ pub(crate) fn run(args: &InitArgs, printer: &Printer) -> Result<Outcome, Failure
         } else {
             e.to_string()
         };
-        Failure::refused(format!("{}: the folder cannot be made: {reason}", dir.display()))
+        Failure::refused(format!(
+            "{}: the folder cannot be made: {reason}",
+            dir.display()
+        ))
     })?;
     // The table first: a field.toml never names what is not there.
-    write_file(&table, layout_csv(&EXAMPLE)?.as_bytes())?;
+    let layout = Layout::generate(&EXAMPLE);
+    write_table(
+        Destination::File(table),
+        Format::Csv,
+        layout.ids(),
+        &layout.columns(),
+    )?;
     write_file(&field, field_toml().as_bytes())?;
     let shown = field.display();
-    printer.say(format_args!("{shown} and {TABLE}: {} heliostats", EXAMPLE.heliostats));
-    printer.say(format_args!("next: helio-rs track --field {}", Quoted(&field)));
+    printer.say(format_args!(
+        "{shown} and {TABLE}: {} heliostats",
+        EXAMPLE.heliostats
+    ));
+    printer.say(format_args!(
+        "next: helio-rs track --field {}",
+        Quoted(&field)
+    ));
     Ok(Outcome::Good)
 }
 
@@ -73,16 +89,17 @@ elevation_m = 20.0              # gives the air pressure for refraction
 # temperature_c = 12.0
 
 [targets.receiver]
-centre_enu_m = [0.0, 0.0, {height}]
-normal_enu = [0.0, 1.0, -0.3]   # where it faces: toward the field
-width_m = 12.0
-height_m = 12.0
+centre_enu_m = [0.0, 0.0, {height:.1}]
+# A flat target also faces somewhere and has a size (a point is looked at along each beam):
+# normal_enu = [0.0, 1.0, -0.3]
+# width_m = 12.0
+# height_m = 12.0
 
 [heliostats]
 table = "{TABLE}"       # id, east_m, north_m, up_m: one row per heliostat
 aim = "receiver"
 mode = "azimuth-elevation"      # or spinning-elevation, pitch-roll, polar
-mirror_offset_m = 0.2           # from the crossing of the axes to the mirror's centre
+mirror_offset_m = 0.3           # from the crossing of the axes to the mirror's centre
 
 # Departures from the ideal mount, for all heliostats; columns of the table of the same name
 # override them for each.

@@ -66,7 +66,9 @@ pub(crate) fn run(args: &PredictArgs, printer: &Printer) -> Result<Outcome, Fail
     ));
     if angles.skipped > 0 {
         let skipped = Grouped(angles.skipped as u64);
-        printer.note(format_args!("{skipped} rows without angles were left aside"));
+        printer.note(format_args!(
+            "{skipped} rows without angles were left aside"
+        ));
     }
     printer.say(format_args!("{NO_SHADING}"));
     Ok(if tally.failed() > 0 {
@@ -106,7 +108,9 @@ fn row_suns(
     let typed = args.sun.time.is_some() || args.sun.sun_azimuth_deg.is_some();
     let rows = angles.heliostat.len();
     if typed && !matches!(angles.sun, AnglesSun::Unstated) {
-        printer.note(format_args!("the sun of the command line wins over that of the table"));
+        printer.note(format_args!(
+            "the sun of the command line wins over that of the table"
+        ));
     }
     match &angles.sun {
         AnglesSun::Times { unix_ns } if !typed => {
@@ -136,7 +140,11 @@ fn row_suns(
             let timed = !block.unix_ns.is_empty();
             let repeated = |column: &[f64]| column.repeat(if timed { 0 } else { rows });
             Ok(RowSuns {
-                moment: if timed { Moment::Time } else { Moment::SunAngles },
+                moment: if timed {
+                    Moment::Time
+                } else {
+                    Moment::SunAngles
+                },
                 unix_ns: block.unix_ns.repeat(rows),
                 azimuth_deg: repeated(&block.azimuth_deg),
                 elevation_deg: repeated(&block.elevation_deg),
@@ -147,7 +155,7 @@ fn row_suns(
 }
 
 /// The end of the rows from `start` on that have the same sun and name each heliostat once.
-fn group_end(angles: &Angles, suns: &RowSuns, start: usize, seen: &mut Vec<usize>) -> usize {
+fn group_end(angles: &Angles, suns: &RowSuns, start: usize, seen: &mut [usize]) -> usize {
     let mut end = start;
     while end < angles.heliostat.len() && suns.same(start, end) {
         // A mark that is this group's own start needs no clearing between groups.
@@ -221,7 +229,14 @@ impl<'a> Predictor<'a> {
         let (axis1, axis2) = (&self.axis1_rad, &self.axis2_rad);
         self.tracker
             .predict_into(sun, axis1, axis2, &self.planes, &self.options, p)?;
-        let columns = [&p.u_m, &p.v_m, &p.east_m, &p.north_m, &p.up_m, &p.beam_error_rad];
+        let columns = [
+            &p.u_m,
+            &p.v_m,
+            &p.east_m,
+            &p.north_m,
+            &p.up_m,
+            &p.beam_error_rad,
+        ];
         for row in rows {
             let heliostat = angles.heliostat[row];
             for (numbers, column) in block.numbers.iter_mut().zip(columns) {
@@ -254,7 +269,10 @@ impl Block {
         writer: &mut helio_io::output::TableWriter,
     ) -> Result<(), Failure> {
         fn of<T: Copy>(firsts: &[usize], column: &[T]) -> Vec<T> {
-            firsts.iter().filter_map(|&row| column.get(row).copied()).collect()
+            firsts
+                .iter()
+                .filter_map(|&row| column.get(row).copied())
+                .collect()
         }
         let unix_ns = of(&self.firsts, &suns.unix_ns);
         let azimuth_deg = of(&self.firsts, &suns.azimuth_deg);

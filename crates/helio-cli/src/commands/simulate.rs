@@ -1,6 +1,8 @@
 //! `simulate`: synthetic fields.
 
 use helio_core::Enu;
+use helio_core::layout::{Measures, fermat_spiral, radial_staggered};
+use helio_io::output::write_table;
 
 use crate::Outcome;
 use crate::args::{LayoutWord, Simulate, SimulateFieldArgs};
@@ -23,8 +25,8 @@ pub(crate) const EXAMPLE: LayoutPlan = LayoutPlan {
     pattern: LayoutWord::RadialStaggered,
     heliostats: 500,
     tower_height_m: 120.0,
-    mirror_m: (6.0, 5.0),
-    pivot_height_m: 3.0,
+    mirror_m: (11.0, 10.0),
+    pivot_height_m: 6.0,
 };
 
 pub(crate) fn run(what: &Simulate, printer: &Printer) -> Result<Outcome, Failure> {
@@ -33,26 +35,83 @@ pub(crate) fn run(what: &Simulate, printer: &Printer) -> Result<Outcome, Failure
     }
 }
 
-fn field(_args: &SimulateFieldArgs, _printer: &Printer) -> Result<Outcome, Failure> {
+fn field(args: &SimulateFieldArgs, printer: &Printer) -> Result<Outcome, Failure> {
+    let format = plan::format(args.out.as_deref(), args.format)?;
+    let destination = plan::destination(args.out.as_deref(), format, &[], printer)?;
+    let layout = Layout::generate(&LayoutPlan {
+        pattern: args.layout,
+        heliostats: args.heliostats,
+        tower_height_m: args.tower_height_m,
+        mirror_m: (args.mirror_width_m, args.mirror_height_m),
+        pivot_height_m: args.pivot_height_m,
+    });
+    let bytes = write_table(destination, format, &layout.ids, &layout.columns())?;
+    let farthest_m = layout
+        .east_m
+        .iter()
+        .zip(&layout.north_m)
+        .map(|(&east_m, &north_m)| f64::hypot(east_m, north_m))
+        .fold(0.0, f64::max);
+    printer.say(format_args!(
+        "{} heliostats within {farthest_m:.0} m of the tower; {}",
+        Grouped(layout.ids.len() as u64),
+        Bytes(bytes)
+    ));
     Ok(Outcome::Good)
 }
 
+/// A generated layout as columns.
+pub(crate) struct Layout {
+    ids: Vec<String>,
+    east_m: Vec<f64>,
+    north_m: Vec<f64>,
+    up_m: Vec<f64>,
+}
+
+impl Layout {
+    pub(crate) fn generate(plan: &LayoutPlan) -> Self {
+        let pivots = pivots(plan);
+        // Nobody sets up a heliostat by less, and short numbers read well.
+        let millimetres = |m: f64| (m * 1000.0).round() / 1000.0 + 0.0;
+        let column = |of: fn(&Enu) -> f64| pivots.iter().map(|p| millimetres(of(p))).collect();
+        Self {
+            ids: ids(pivots.len()),
+            east_m: column(|p| p.east),
+            north_m: column(|p| p.north),
+            up_m: column(|p| p.up),
+        }
+    }
+
+    /// The columns after `id`.
+    pub(crate) fn columns(&self) -> [(&'static str, &[f64]); 3] {
+        [
+            ("east_m", &self.east_m),
+            ("north_m", &self.north_m),
+            ("up_m", &self.up_m),
+        ]
+    }
+
+    pub(crate) fn ids(&self) -> &[String] {
+        &self.ids
+    }
+}
+
 /// Names of so many heliostats, all of the same length so that they sort.
-pub(crate) fn ids(count: usize) -> Vec<String> {
+fn ids(count: usize) -> Vec<String> {
     let digits = count.to_string().len();
     (1..=count).map(|i| format!("H{i:0digits$}")).collect()
 }
 
-fn pivots(plan: &LayoutPlan) -> Result<Vec<Enu>, Failure> {
-    Ok((0..plan.heliostats).map(|i| { let r=60.0+400.0*(f64::from(i)/500.0).sqrt(); let a=2.399963*f64::from(i); Enu::new(r*a.sin(), r*a.cos().abs()+20.0, 3.0)}).collect())
-}
-
-/// A generated layout as a table in CSV.
-pub(crate) fn layout_csv(plan: &LayoutPlan) -> Result<String, Failure> {
-    let pivots = pivots(plan)?;
-    let mut csv = String::from("id,east_m,north_m,up_m\n");
-    for (id, p) in ids(pivots.len()).iter().zip(&pivots) {
-        csv.push_str(&format!("{id},{:.2},{:.2},{:.2}\n", p.east, p.north, p.up));
+fn pivots(plan: &LayoutPlan) -> Vec<Enu> {
+    let measures = Measures {
+        count: plan.heliostats as usize,
+        tower_height_m: plan.tower_height_m,
+        mirror_width_m: plan.mirror_m.0,
+        mirror_height_m: plan.mirror_m.1,
+        up_m: plan.pivot_height_m,
+    };
+    match plan.pattern {
+        LayoutWord::RadialStaggered => radial_staggered(&measures),
+        LayoutWord::FermatSpiral => fermat_spiral(&measures),
     }
-    Ok(csv)
 }

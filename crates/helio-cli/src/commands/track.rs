@@ -35,7 +35,14 @@ pub(crate) fn run(args: &TrackArgs, printer: &Printer) -> Result<Outcome, Failur
         Some(path) => {
             let ids = args.plot_heliostats.as_deref();
             let colour = args.plot_colour;
-            Some(Plot::new(path, colour, ids, &loaded.field, suns.len(), &inputs)?)
+            Some(Plot::new(
+                path,
+                colour,
+                ids,
+                &loaded.field,
+                suns.len(),
+                &inputs,
+            )?)
         }
         None => None,
     };
@@ -205,7 +212,8 @@ impl Collected {
         self.axis1_rad.extend_from_slice(answers.axis1_rad);
         self.axis2_rad.extend_from_slice(answers.axis2_rad);
         self.incidence_rad.extend_from_slice(answers.incidence_rad);
-        self.limit_excess_rad.extend_from_slice(answers.limit_excess_rad);
+        self.limit_excess_rad
+            .extend_from_slice(answers.limit_excess_rad);
         self.status.extend_from_slice(answers.status);
     }
 }
@@ -265,7 +273,10 @@ impl<'a> Run<'a> {
     fn bring_up_to_date(&mut self, unix_ns: Option<i64>, toward: EnuUnit) -> Result<(), Failure> {
         if let Some(changing) = &mut self.changing {
             let hour_rad = hour_angle_rad(toward, changing.latitude_rad);
-            if changing.schedule.update(&mut changing.field, unix_ns, hour_rad)? {
+            if changing
+                .schedule
+                .update(&mut changing.field, unix_ns, hour_rad)?
+            {
                 self.tracker = Tracker::new(&changing.field, self.tracker.offset())?;
             }
         }
@@ -430,14 +441,21 @@ impl Verified {
                 Grouped(self.beams)
             ));
         } else {
-            printer.say(format_args!("verified no beam {through}: none is reflected"));
+            printer.say(format_args!(
+                "verified no beam {through}: none is reflected"
+            ));
         }
         if self.misses > 0 {
-            printer.warn(format_args!("{} beams miss the plane of their target", Grouped(self.misses)));
+            printer.warn(format_args!(
+                "{} beams miss the plane of their target",
+                Grouped(self.misses)
+            ));
         }
         if self.beyond_drive > 0 {
             let beyond = Grouped(self.beyond_drive);
-            printer.warn(format_args!("{beyond} rows lie beyond what their drive can do"));
+            printer.warn(format_args!(
+                "{beyond} rows lie beyond what their drive can do"
+            ));
         }
     }
 }

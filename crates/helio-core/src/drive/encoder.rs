@@ -31,7 +31,12 @@ impl EncoderDrive {
         super::triangle::finite("zero_steps", zero_steps)?;
         super::triangle::unit_sign(sign)?;
         let range_steps = (f64::NEG_INFINITY, f64::INFINITY);
-        Ok(Self { steps_per_rad, zero_steps, sign, range_steps })
+        Ok(Self {
+            steps_per_rad,
+            zero_steps,
+            sign,
+            range_steps,
+        })
     }
 
     /// The same drive with an end at each side \[steps\].

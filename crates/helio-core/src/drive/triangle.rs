@@ -94,7 +94,10 @@ impl TriangleDrive {
         positive("steps_per_m", g.steps_per_m)?;
         finite("initial_angle_rad", g.initial_angle_rad)?;
         unit_sign(g.sign)?;
-        let reach = ((g.offset_m - g.pivot_radius_m).abs(), g.offset_m + g.pivot_radius_m);
+        let reach = (
+            (g.offset_m - g.pivot_radius_m).abs(),
+            g.offset_m + g.pivot_radius_m,
+        );
         if !(g.initial_stroke_length_m >= reach.0 && g.initial_stroke_length_m <= reach.1) {
             return Err(DriveError::BadValue {
                 what: "initial_stroke_length_m",
@@ -185,7 +188,10 @@ impl TriangleDrive {
         let half = libm::sin(0.5 * triangle_rad);
         let length_m =
             libm::sqrt(difference * difference + 4.0 * self.side_a_m * self.side_b_m * half * half);
-        within((length_m - self.length_at_zero_m) * self.steps_per_m, self.range_steps)
+        within(
+            (length_m - self.length_at_zero_m) * self.steps_per_m,
+            self.range_steps,
+        )
     }
 
     /// See [`Drive::angle_rad`](super::Drive::angle_rad).
@@ -193,7 +199,10 @@ impl TriangleDrive {
     pub fn angle_rad(&self, steps: f64) -> Option<f64> {
         let steps = within(steps, self.range_steps)?;
         let length_m = self.length_at_zero_m + steps / self.steps_per_m;
-        let reach = ((self.side_a_m - self.side_b_m).abs(), self.side_a_m + self.side_b_m);
+        let reach = (
+            (self.side_a_m - self.side_b_m).abs(),
+            self.side_a_m + self.side_b_m,
+        );
         if !(length_m >= reach.0 && length_m <= reach.1) {
             return None;
         }
@@ -203,14 +212,20 @@ impl TriangleDrive {
     /// See [`Drive::range_rad`](super::Drive::range_rad).
     #[must_use]
     pub fn range_rad(&self) -> (f64, f64) {
-        let reach = ((self.side_a_m - self.side_b_m).abs(), self.side_a_m + self.side_b_m);
+        let reach = (
+            (self.side_a_m - self.side_b_m).abs(),
+            self.side_a_m + self.side_b_m,
+        );
         let at = |steps: f64| {
             let length_m = self.length_at_zero_m + steps / self.steps_per_m;
             self.reference_rad
                 + self.slope * self.triangle_angle_rad(length_m.clamp(reach.0, reach.1))
         };
         let (a, b) = (at(self.range_steps.0), at(self.range_steps.1));
-        (a.min(b).max(self.limits_rad.0), a.max(b).min(self.limits_rad.1))
+        (
+            a.min(b).max(self.limits_rad.0),
+            a.max(b).min(self.limits_rad.1),
+        )
     }
 }
 
@@ -222,26 +237,42 @@ pub(super) fn positive(what: &'static str, value: f64) -> Result<(), DriveError>
     if value.is_finite() && value > 0.0 {
         return Ok(());
     }
-    Err(DriveError::BadValue { what, wanted: "finite and above zero", value })
+    Err(DriveError::BadValue {
+        what,
+        wanted: "finite and above zero",
+        value,
+    })
 }
 
 pub(super) fn finite(what: &'static str, value: f64) -> Result<(), DriveError> {
     if value.is_finite() {
         return Ok(());
     }
-    Err(DriveError::BadValue { what, wanted: "finite", value })
+    Err(DriveError::BadValue {
+        what,
+        wanted: "finite",
+        value,
+    })
 }
 
 pub(super) fn unit_sign(value: f64) -> Result<(), DriveError> {
     if value == 1.0 || value == -1.0 {
         return Ok(());
     }
-    Err(DriveError::BadValue { what: "sign", wanted: "1 or -1", value })
+    Err(DriveError::BadValue {
+        what: "sign",
+        wanted: "1 or -1",
+        value,
+    })
 }
 
 pub(super) fn ordered(what: &'static str, min: f64, max: f64) -> Result<(), DriveError> {
     if min < max {
         return Ok(());
     }
-    Err(DriveError::BadValue { what, wanted: "above the minimum", value: max })
+    Err(DriveError::BadValue {
+        what,
+        wanted: "above the minimum",
+        value: max,
+    })
 }

@@ -33,11 +33,15 @@ pub(crate) trait Lanes: Copy {
     const WIDTH: usize;
 
     fn splat(value: f64) -> Self;
-    /// Column `column` of rows `row..row + WIDTH`; `row` is a multiple of `WIDTH`.
-    fn load<const N: usize>(blocks: &[Columns<N>], row: usize, column: usize) -> Self;
-    /// Asks for the memory of what [`load`](Self::load) would read, if there is any.
+    /// Column `column` of rows `lane..lane + WIDTH` of a block.
     #[inline(always)]
-    fn prefetch<const N: usize>(_blocks: &[Columns<N>], _row: usize, _column: usize) {}
+    fn load<const N: usize>(block: &Columns<N>, lane: usize, column: usize) -> Self {
+        Self::read(&block.0[column][lane..])
+    }
+    /// Asks for a column of the block that stands `ahead` blocks behind this one in memory, if there
+    /// is one; if not, nothing happens.
+    #[inline(always)]
+    fn prefetch<const N: usize>(_block: &Columns<N>, _ahead: usize, _column: usize) {}
     /// The first `WIDTH` numbers of a slice.
     fn read(source: &[f64]) -> Self;
     /// To the first `WIDTH` places of a slice.
@@ -57,6 +61,12 @@ pub(crate) trait Lanes: Copy {
     /// addend - self · factor, rounded once.
     fn neg_mul_add(self, factor: Self, addend: Self) -> Self;
     fn floor(self) -> Self;
+    /// To the nearest whole number, halves to the even one.
+    fn round(self) -> Self;
+    /// The sign bits of either.
+    fn or(self, other: Self) -> Self;
+    /// One bit per lane, set where the sign bit is.
+    fn sign_bits(self) -> u64;
     fn abs(self) -> Self;
     /// The magnitude of `self` with the sign of `sign`.
     fn copysign(self, sign: Self) -> Self;
@@ -71,7 +81,8 @@ pub(crate) trait Lanes: Copy {
     /// `self` where the mask is true, else `other`.
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
 
-    /// `self` if below `other`, else `other` (also where one is NaN).
+    /// `self` if below `other`, else `other` (also where one is NaN, or both are zero): one
+    /// instruction where the processor's own rule is this one.
     #[inline(always)]
     fn min(self, other: Self) -> Self {
         Self::select(self.lt(other), self, other)

@@ -1,6 +1,6 @@
 //! Several vectors in lockstep: latency, not throughput, is the wall of a kernel that has one.
 
-use super::{Columns, Lanes, Mask};
+use super::{Lanes, Mask};
 
 macro_rules! pack {
     ($name:ident, $count:literal, $($i:literal),+) => {
@@ -41,10 +41,6 @@ macro_rules! pack {
                 Self([L::splat(value); $count])
             }
             #[inline(always)]
-            fn load<const N: usize>(blocks: &[Columns<N>], row: usize, column: usize) -> Self {
-                Self([$(L::load(blocks, row + $i * L::WIDTH, column)),+])
-            }
-            #[inline(always)]
             fn read(source: &[f64]) -> Self {
                 Self([$(L::read(&source[$i * L::WIDTH..])),+])
             }
@@ -56,7 +52,7 @@ macro_rules! pack {
             fn stream(self, target: &mut [f64]) {
                 $(self.0[$i].stream(&mut target[$i * L::WIDTH..]);)+
             }
-            pack!(@binary add sub mul div copysign xor_sign; $($i)+);
+            pack!(@binary add sub mul div min max or copysign xor_sign; $($i)+);
             #[inline(always)]
             fn sqrt(self) -> Self {
                 Self([$(self.0[$i].sqrt()),+])
@@ -72,6 +68,14 @@ macro_rules! pack {
             #[inline(always)]
             fn floor(self) -> Self {
                 Self([$(self.0[$i].floor()),+])
+            }
+            #[inline(always)]
+            fn round(self) -> Self {
+                Self([$(self.0[$i].round()),+])
+            }
+            #[inline(always)]
+            fn sign_bits(self) -> u64 {
+                $((self.0[$i].sign_bits() << ($i * L::WIDTH)))|+
             }
             #[inline(always)]
             fn abs(self) -> Self {

@@ -1,6 +1,6 @@
 //! One row at a time: the oracle of the wider paths, and the only path without SIMD.
 
-use super::{BLOCK, Columns, Lanes, Mask};
+use super::{Lanes, Mask};
 
 impl Mask for bool {
     const LANES: usize = 1;
@@ -33,10 +33,6 @@ impl Lanes for f64 {
     #[inline(always)]
     fn splat(value: f64) -> Self {
         value
-    }
-    #[inline(always)]
-    fn load<const N: usize>(blocks: &[Columns<N>], row: usize, column: usize) -> Self {
-        blocks[row / BLOCK].0[column][row % BLOCK]
     }
     #[inline(always)]
     fn read(source: &[f64]) -> Self {
@@ -83,6 +79,18 @@ impl Lanes for f64 {
     #[inline(always)]
     fn floor(self) -> Self {
         libm::floor(self)
+    }
+    #[inline(always)]
+    fn round(self) -> Self {
+        libm::rint(self)
+    }
+    #[inline(always)]
+    fn or(self, other: Self) -> Self {
+        f64::from_bits(self.to_bits() | other.to_bits())
+    }
+    #[inline(always)]
+    fn sign_bits(self) -> u64 {
+        self.to_bits() >> 63
     }
     #[inline(always)]
     fn abs(self) -> Self {

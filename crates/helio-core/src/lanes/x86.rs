@@ -57,10 +57,11 @@ pub(crate) struct V8(__m512d);
 pub(crate) struct M8(__mmask8);
 
 macro_rules! call {
-    // SAFETY: see the head of this file.
-    ($e:expr) => {
+    ($e:expr) => {{
+        // SAFETY: the types of this file exist only where the probe found their instructions, and
+        // the lengths of slices are checked before; see the head of this file.
         unsafe { $e }
-    };
+    }};
 }
 
 impl Mask for M4 {
@@ -123,14 +124,13 @@ impl Lanes for V4 {
         Self(call!(_mm256_set1_pd(value)))
     }
     #[inline(always)]
-    fn load<const N: usize>(blocks: &[Columns<N>], row: usize, column: usize) -> Self {
-        Self::read(&blocks[row / BLOCK].0[column][row % BLOCK..])
-    }
-    #[inline(always)]
-    fn prefetch<const N: usize>(blocks: &[Columns<N>], row: usize, column: usize) {
-        if let Some(block) = blocks.get(row / BLOCK) {
-            call!(_mm_prefetch::<_MM_HINT_T0>(block.0[column].as_ptr().cast()));
-        }
+    fn prefetch<const N: usize>(block: &Columns<N>, ahead: usize, column: usize) {
+        let there = core::ptr::from_ref(block)
+            .wrapping_add(ahead)
+            .cast::<[f64; BLOCK]>();
+        call!(_mm_prefetch::<_MM_HINT_T0>(
+            there.wrapping_add(column).cast()
+        ));
     }
     #[inline(always)]
     fn read(source: &[f64]) -> Self {
@@ -180,6 +180,19 @@ impl Lanes for V4 {
         Self(call!(_mm256_floor_pd(self.0)))
     }
     #[inline(always)]
+    fn round(self) -> Self {
+        const NEAREST: i32 = _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC;
+        Self(call!(_mm256_round_pd::<NEAREST>(self.0)))
+    }
+    #[inline(always)]
+    fn or(self, other: Self) -> Self {
+        Self(call!(_mm256_or_pd(self.0, other.0)))
+    }
+    #[inline(always)]
+    fn sign_bits(self) -> u64 {
+        M4(self.0).bits()
+    }
+    #[inline(always)]
     fn abs(self) -> Self {
         Self(call!(_mm256_andnot_pd(_mm256_set1_pd(-0.0), self.0)))
     }
@@ -199,6 +212,14 @@ impl Lanes for V4 {
             self.0,
             _mm256_and_pd(mask.0, _mm256_set1_pd(-0.0))
         )))
+    }
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        Self(call!(_mm256_min_pd(self.0, other.0)))
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        Self(call!(_mm256_max_pd(self.0, other.0)))
     }
     #[inline(always)]
     fn lt(self, other: Self) -> M4 {
@@ -223,14 +244,13 @@ impl Lanes for V8 {
         Self(call!(_mm512_set1_pd(value)))
     }
     #[inline(always)]
-    fn load<const N: usize>(blocks: &[Columns<N>], row: usize, column: usize) -> Self {
-        Self::read(&blocks[row / BLOCK].0[column])
-    }
-    #[inline(always)]
-    fn prefetch<const N: usize>(blocks: &[Columns<N>], row: usize, column: usize) {
-        if let Some(block) = blocks.get(row / BLOCK) {
-            call!(_mm_prefetch::<_MM_HINT_T0>(block.0[column].as_ptr().cast()));
-        }
+    fn prefetch<const N: usize>(block: &Columns<N>, ahead: usize, column: usize) {
+        let there = core::ptr::from_ref(block)
+            .wrapping_add(ahead)
+            .cast::<[f64; BLOCK]>();
+        call!(_mm_prefetch::<_MM_HINT_T0>(
+            there.wrapping_add(column).cast()
+        ));
     }
     #[inline(always)]
     fn read(source: &[f64]) -> Self {
@@ -281,6 +301,19 @@ impl Lanes for V8 {
         Self(call!(_mm512_roundscale_pd::<DOWN>(self.0)))
     }
     #[inline(always)]
+    fn round(self) -> Self {
+        const NEAREST: i32 = _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC;
+        Self(call!(_mm512_roundscale_pd::<NEAREST>(self.0)))
+    }
+    #[inline(always)]
+    fn or(self, other: Self) -> Self {
+        Self(call!(_mm512_or_pd(self.0, other.0)))
+    }
+    #[inline(always)]
+    fn sign_bits(self) -> u64 {
+        u64::from(call!(_mm512_movepi64_mask(_mm512_castpd_si512(self.0))))
+    }
+    #[inline(always)]
     fn abs(self) -> Self {
         Self(call!(_mm512_abs_pd(self.0)))
     }
@@ -302,6 +335,14 @@ impl Lanes for V8 {
             self.0,
             _mm512_set1_pd(-0.0)
         )))
+    }
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        Self(call!(_mm512_min_pd(self.0, other.0)))
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        Self(call!(_mm512_max_pd(self.0, other.0)))
     }
     #[inline(always)]
     fn lt(self, other: Self) -> M8 {

@@ -36,8 +36,11 @@ impl MountAxes {
             TrackingMode::SpinningElevation => {
                 let t = to_aim.as_enu();
                 let level = libm::hypot(t.east, t.north);
-                let (sin_phi, cos_phi) =
-                    if level > 0.0 { (t.east / level, t.north / level) } else { (0.0, 1.0) };
+                let (sin_phi, cos_phi) = if level > 0.0 {
+                    (t.east / level, t.north / level)
+                } else {
+                    (0.0, 1.0)
+                };
                 Self {
                     axis1: Enu::new(-t.up * sin_phi, -t.up * cos_phi, level),
                     axis2: Enu::new(-cos_phi, sin_phi, 0.0),
@@ -99,10 +102,18 @@ mod tests {
         let modes = [
             TrackingMode::AzimuthElevation,
             TrackingMode::SpinningElevation,
-            TrackingMode::PitchRoll { axis_azimuth_rad: 1.1 },
-            TrackingMode::PitchRoll { axis_azimuth_rad: FRAC_PI_2 },
-            TrackingMode::PitchRoll { axis_azimuth_rad: 3.0 * FRAC_PI_2 },
-            TrackingMode::PitchRoll { axis_azimuth_rad: -FRAC_PI_2 },
+            TrackingMode::PitchRoll {
+                axis_azimuth_rad: 1.1,
+            },
+            TrackingMode::PitchRoll {
+                axis_azimuth_rad: FRAC_PI_2,
+            },
+            TrackingMode::PitchRoll {
+                axis_azimuth_rad: 3.0 * FRAC_PI_2,
+            },
+            TrackingMode::PitchRoll {
+                axis_azimuth_rad: -FRAC_PI_2,
+            },
             TrackingMode::Polar { latitude_rad: 0.7 },
             TrackingMode::Polar { latitude_rad: -0.4 },
         ];
@@ -110,7 +121,10 @@ mod tests {
             for azimuth_rad in [0.0, 2.0, 4.0] {
                 let to_aim = EnuUnit::from_azimuth_elevation(azimuth_rad, 0.6);
                 let m = MountAxes::of(mode, to_aim);
-                assert!((m.axis1.cross(m.axis2) + m.axis3).norm() < 1e-15, "{mode:?}");
+                assert!(
+                    (m.axis1.cross(m.axis2) + m.axis3).norm() < 1e-15,
+                    "{mode:?}"
+                );
                 assert!((m.axis1.norm() - 1.0).abs() < 1e-15);
                 assert!(m.axis1.dot(m.axis2).abs() < 1e-15);
             }

@@ -33,14 +33,15 @@ pub fn tau_by_quartic_rad(theta_rad: f64, slant_ratio: f64) -> Option<f64> {
     let e = -cos_theta * cos_theta;
     // (11)
     let delta0 = c * c - 3.0 * b * d + 12.0 * a * e;
-    let delta1 = 2.0 * c * c * c - 9.0 * b * c * d + 27.0 * b * b * e + 27.0 * a * d * d
-        - 72.0 * a * c * e;
+    let delta1 =
+        2.0 * c * c * c - 9.0 * b * c * d + 27.0 * b * b * e + 27.0 * a * d * d - 72.0 * a * c * e;
     let p = (8.0 * a * c - 3.0 * b * b) / (8.0 * a * a);
     let q = (b * b * b - 4.0 * a * b * c + 8.0 * a * a * d) / (8.0 * a * a * a);
     let discriminant = 4.0 * delta0 * delta0 * delta0 - delta1 * delta1;
-    let angle = (core::f64::consts::PI + libm::atan(libm::sqrt(discriminant.max(0.0)) / delta1)) / 3.0;
-    let s = 0.5
-        * libm::sqrt(-2.0 * p / 3.0 + 2.0 * libm::sqrt(delta0) * libm::cos(angle) / (3.0 * a));
+    let angle =
+        (core::f64::consts::PI + libm::atan(libm::sqrt(discriminant.max(0.0)) / delta1)) / 3.0;
+    let s =
+        0.5 * libm::sqrt(-2.0 * p / 3.0 + 2.0 * libm::sqrt(delta0) * libm::cos(angle) / (3.0 * a));
     let u = -b / (4.0 * a);
     let v = 0.5 * libm::sqrt(-4.0 * s * s - 2.0 * p - q / s);
     let cos_tau = u + s + v;

@@ -50,9 +50,15 @@ impl Prediction {
         let nan = Enu::new(f64::NAN, f64::NAN, f64::NAN);
         let (spot, status) = match spot {
             Ok(spot) => (spot, Status::Ok),
-            Err(status) => {
-                (Spot { u_m: f64::NAN, v_m: f64::NAN, point: nan, beam_error_rad: f64::NAN }, status)
-            }
+            Err(status) => (
+                Spot {
+                    u_m: f64::NAN,
+                    v_m: f64::NAN,
+                    point: nan,
+                    beam_error_rad: f64::NAN,
+                },
+                status,
+            ),
         };
         self.u_m.push(spot.u_m);
         self.v_m.push(spot.v_m);
@@ -115,7 +121,10 @@ impl Tracker {
         let level = checked_level(options.level)?;
         check_len("planes", self.len(), planes.len())?;
         let finite = |column: &[f64]| -> Vec<f64> {
-            column.iter().map(|&angle| if angle.is_nan() { 0.0 } else { angle }).collect()
+            column
+                .iter()
+                .map(|&angle| if angle.is_nan() { 0.0 } else { angle })
+                .collect()
         };
         let (axis1, axis2) = (finite(axis1_rad), finite(axis2_rad));
         self.check_angles(&axis1, &axis2)?;
@@ -194,10 +203,15 @@ impl Tracker {
     fn check_angles(&self, axis1_rad: &[f64], axis2_rad: &[f64]) -> Result<(), TrackError> {
         for (what, column) in [("axis1_rad", axis1_rad), ("axis2_rad", axis2_rad)] {
             check_len(what, self.len(), column.len())?;
-            let bad = |angle: &f64| !(angle.abs() <= MAX_ANGLE_RAD);
+            let bad = |angle: &f64| angle.is_nan() || angle.abs() > MAX_ANGLE_RAD;
             if let Some(row) = column.iter().position(bad) {
                 let (limit, value) = (MAX_ANGLE_RAD, column[row]);
-                return Err(TrackError::BadAngle { what, row, limit, value });
+                return Err(TrackError::BadAngle {
+                    what,
+                    row,
+                    limit,
+                    value,
+                });
             }
         }
         Ok(())
@@ -208,5 +222,9 @@ fn axes_of_row(blocks: &[crate::lanes::Columns<9>], row: usize) -> MountAxes {
     use crate::lanes::BLOCK;
     let at = |column: usize| blocks[row / BLOCK].0[column][row % BLOCK];
     let axis = |k: usize| Enu::new(at(3 * k), at(3 * k + 1), at(3 * k + 2));
-    MountAxes { axis1: axis(0), axis2: axis(1), axis3: axis(2) }
+    MountAxes {
+        axis1: axis(0),
+        axis2: axis(1),
+        axis3: axis(2),
+    }
 }

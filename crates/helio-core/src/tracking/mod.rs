@@ -11,7 +11,7 @@ use core::ops::Range;
 use aligned::AlignedColumn;
 pub use forward::Prediction;
 use kernel::{PresentRows, Rows};
-use prepared::{TILE, Prepared};
+use prepared::{Prepared, TILE};
 
 use crate::error::TrackError;
 use crate::field::Field;
@@ -167,12 +167,16 @@ impl Tracker {
     /// # Errors
     /// [`TrackError::Iterations`] for an iterated offset form with none or too many iterations.
     pub fn new(field: &Field, offset: OffsetForm) -> Result<Self, TrackError> {
-        if let OffsetForm::Iterated(got) = offset {
-            if !(1..=MAX_ITERATIONS).contains(&got) {
-                return Err(TrackError::Iterations { max: MAX_ITERATIONS, got });
-            }
+        if let OffsetForm::Iterated(got) = offset
+            && !(1..=MAX_ITERATIONS).contains(&got)
+        {
+            let max = MAX_ITERATIONS;
+            return Err(TrackError::Iterations { max, got });
         }
-        Ok(Self { prepared: Prepared::new(field), offset })
+        Ok(Self {
+            prepared: Prepared::new(field),
+            offset,
+        })
     }
 
     /// Number of heliostats.
@@ -249,7 +253,11 @@ impl Tracker {
         if n == 0 || suns.is_empty() {
             return;
         }
-        let mut call = Call { tracker: self, level, stream: false };
+        let mut call = Call {
+            tracker: self,
+            level,
+            stream: false,
+        };
         if let Some(present) = present {
             out.any_outside = call.continuous(suns, present, out.rows());
             return;
@@ -259,18 +267,24 @@ impl Tracker {
         call.stream = aligned && n * suns.len() * 3 * size_of::<f64>() >= STREAM_BYTES;
         let pieces = pieces(n * suns.len(), threads);
         out.any_outside = if suns.len() >= pieces {
-            in_parallel(pieces, suns.len(), 1, n, out.rows(), &|range: Range<usize>, rows| {
-                call.suns(&suns[range], 0, n, rows)
-            })
+            in_parallel(
+                pieces,
+                suns.len(),
+                1,
+                n,
+                out.rows(),
+                &|range: Range<usize>, rows| call.suns(&suns[range], 0, n, rows),
+            )
         } else {
             let mut rest = out.rows();
             let mut any_outside = false;
             for &sun in suns {
                 let (rows, others) = rest.split_at(n);
                 rest = others;
-                any_outside |= in_parallel(pieces, n, TILE, 1, rows, &|range: Range<usize>, rows| {
-                    call.suns(&[sun], range.start, range.len(), rows)
-                });
+                any_outside |=
+                    in_parallel(pieces, n, TILE, 1, rows, &|range: Range<usize>, rows| {
+                        call.suns(&[sun], range.start, range.len(), rows)
+                    });
             }
             any_outside
         };
@@ -289,7 +303,11 @@ impl Call<'_> {
     /// `count` heliostats from `first` for some suns; `rows` holds them sun by sun.
     fn suns(&self, suns: &[EnuUnit], first: usize, count: usize, mut rows: Rows<'_>) -> bool {
         let mut any_outside = false;
-        let per_pass = if suns.len() == 1 { count } else { ROWS_PER_PASS };
+        let per_pass = if suns.len() == 1 {
+            count
+        } else {
+            ROWS_PER_PASS
+        };
         let mut start = 0;
         while start < count {
             let len = per_pass.min(count - start);
@@ -317,9 +335,15 @@ impl Call<'_> {
             return false;
         }
         let Tracker { prepared, offset } = self.tracker;
-        kernel::dispatch::track_rows(
-            prepared, *offset, sun, first, present, self.level, self.stream, &mut rows,
-        )
+        let Self { level, stream, .. } = *self;
+        let call = kernel::dispatch::Call {
+            prepared,
+            first,
+            present,
+            level,
+            stream,
+        };
+        call.track(*offset, sun, &mut rows)
     }
 
     /// Each sun from where the one before left the axes.
@@ -329,7 +353,10 @@ impl Call<'_> {
         let mut axis2 = present.axis2_rad.to_vec();
         let mut any_outside = false;
         for (index, &sun) in suns.iter().enumerate() {
-            let here = PresentRows { axis1: &axis1, axis2: &axis2 };
+            let here = PresentRows {
+                axis1: &axis1,
+                axis2: &axis2,
+            };
             any_outside |= self.one(sun, 0, Some(here), rows.part(index * n, n));
             let done = rows.part(index * n, n);
             for row in 0..n {
@@ -350,7 +377,11 @@ fn pieces(rows: usize, threads: usize) -> usize {
         return 1;
     }
     #[cfg(feature = "std")]
-    let available = if threads == 0 { rayon::current_num_threads() } else { threads };
+    let available = if threads == 0 {
+        rayon::current_num_threads()
+    } else {
+        threads
+    };
     #[cfg(not(feature = "std"))]
     let available = threads.min(1);
     most.min(available.max(1))
@@ -406,9 +437,17 @@ fn checked_level(level: Option<SimdLevel>) -> Result<SimdLevel, TrackError> {
 
 #[cold]
 fn length_mismatch(what: &'static str, expected: usize, got: usize) -> TrackError {
-    TrackError::LengthMismatch { what, expected, got }
+    TrackError::LengthMismatch {
+        what,
+        expected,
+        got,
+    }
 }
 
 fn check_len(what: &'static str, expected: usize, got: usize) -> Result<(), TrackError> {
-    if expected == got { Ok(()) } else { Err(length_mismatch(what, expected, got)) }
+    if expected == got {
+        Ok(())
+    } else {
+        Err(length_mismatch(what, expected, got))
+    }
 }

@@ -1,9 +1,9 @@
 //! Per-heliostat constants, computed once.
 
 use alloc::vec::Vec;
-use core::f64::consts::PI;
+use core::f64::consts::{PI, TAU};
 
-use super::kernel::limits::{Limits, near_window, window_start};
+use super::kernel::limits::{AxisRange, Limits};
 use crate::field::Field;
 use crate::frame::{Enu, EnuUnit};
 use crate::lanes::{BLOCK, Columns};
@@ -19,7 +19,7 @@ pub(crate) const LIMIT_TOLERANCE_RAD: f64 = 1e-12;
 pub(crate) mod column {
     /// Half the unit vector pivot → aim, in mount axes (three columns).
     pub const HALF_AIM: usize = 0;
-    /// Hz/L; NaN where the aim is at the pivot.
+    /// Hz/L; [`AT_PIVOT`](super::AT_PIVOT) where the aim is at the pivot.
     pub const RATIO: usize = 3;
     /// tan(psi_t/2) cos(psi_a).
     pub const TILT1: usize = 4;
@@ -37,10 +37,10 @@ pub(crate) mod column {
     pub const D2_FACTOR: usize = 10;
     /// 1/cos(mu).
     pub const COSINE_FACTOR: usize = 11;
-    /// gamma0.
-    pub const REFERENCE1: usize = 12;
-    /// alpha0.
-    pub const REFERENCE2: usize = 13;
+    /// gamma0 less the middle of the first axis' window.
+    pub const SHIFT1: usize = 12;
+    /// alpha0 less the middle of the second axis' window, within half a turn.
+    pub const SHIFT2: usize = 13;
     /// How many there are.
     pub const COUNT: usize = 14;
 }
@@ -61,8 +61,12 @@ pub(crate) struct Prepared {
     pub constants: Vec<Columns<{ column::COUNT }>>,
     pub base: Base,
     pub limits: Limits,
-    /// The same as given, for shortest travel.
+    /// The same of every heliostat, for the rows that are not plainly ok.
+    pub ranges: Vec<[AxisRange<f64>; 2]>,
+    /// Limits as given, for shortest travel.
     pub axis_limits: Vec<AxisLimits>,
+    /// Encoder references as given.
+    pub references: Vec<[f64; 2]>,
     /// Geometry that only the forward direction needs: pivot and aim.
     pub pivots: Vec<Enu>,
     pub aims: Vec<Enu>,
@@ -83,18 +87,30 @@ impl Prepared {
             mode => Some(MountAxes::of(mode, EnuUnit::UP)),
         };
         let mut limits = Vec::with_capacity(len);
+        let mut ranges = Vec::with_capacity(len);
         for (row, h) in field.heliostats().iter().enumerate() {
             let to_aim = h.aim - h.pivot;
             let slant_m = to_aim.norm();
             let at_pivot = !(slant_m > h.mirror_offset_m.abs() && slant_m >= MIN_SLANT_M);
-            let unit = if at_pivot { None } else { EnuUnit::try_new(to_aim).ok() };
+            let unit = if at_pivot {
+                None
+            } else {
+                EnuUnit::try_new(to_aim).ok()
+            };
             let direction = unit.unwrap_or(EnuUnit::UP);
-            let ratio = if unit.is_some() { h.mirror_offset_m / slant_m } else { f64::NAN };
+            let ratio = if unit.is_some() {
+                h.mirror_offset_m / slant_m
+            } else {
+                AT_PIVOT
+            };
             let mount = match shared {
                 Some(mount) => mount,
                 None => {
                     let mount = MountAxes::of(field.mode(), direction);
-                    for (k, axis) in [mount.axis1, mount.axis2, mount.axis3].into_iter().enumerate() {
+                    for (k, axis) in [mount.axis1, mount.axis2, mount.axis3]
+                        .into_iter()
+                        .enumerate()
+                    {
                         let Columns(block) = &mut axes[row / BLOCK];
                         block[3 * k][row % BLOCK] = axis.east;
                         block[3 * k + 1][row % BLOCK] = axis.north;
@@ -105,15 +121,18 @@ impl Prepared {
             };
             let t = direction.as_enu();
             let e = &h.errors;
-            let l = &h.limits;
-            let start1 = window_start(l.axis1_min_rad, l.axis1_max_rad, 0.0);
-            let start2 = window_start(
-                l.axis2_min_rad,
-                l.axis2_max_rad,
-                e.elevation_reference_rad - PI,
-            );
-            let reference1 = near_window(e.azimuth_reference_rad, start1, -PI, PI);
-            let reference2 = near_window(e.elevation_reference_rad, start2, -PI / 2.0, 3.0 * PI / 2.0);
+            let range1 = AxisRange::of_axis1(&h.limits);
+            let range2 = AxisRange::of_axis2(&h.limits, e.elevation_reference_rad);
+            let shift1 = e.azimuth_reference_rad - range1.middle;
+            let mut shift2 = e.elevation_reference_rad - range2.middle;
+            let mut fast_reach2 = range2.reach;
+            if range2.middle != 0.0 || range2.reach.is_finite() {
+                shift2 -= TAU * libm::rint(shift2 / TAU);
+                // The fast path does not wrap the second axis: leave it the rows that need none.
+                if shift2.abs() > PI / 2.0 {
+                    fast_reach2 = -1.0;
+                }
+            }
             let (sin_tilt, cos_tilt) = libm::sincos(e.pedestal_tilt_rad);
             let tan_half_tilt = sin_tilt / (1.0 + cos_tilt);
             let (sin_tilt_azimuth, cos_tilt_azimuth) = libm::sincos(e.pedestal_tilt_azimuth_rad);
@@ -132,19 +151,15 @@ impl Prepared {
                 sin_mu / cos_tau1,
                 sin_tau1 / cos_tau1,
                 1.0 / cos_mu,
-                reference1,
-                reference2,
+                shift1,
+                shift2,
             ];
             let Columns(block) = &mut constants[row / BLOCK];
             for (column, value) in block.iter_mut().zip(values) {
                 column[row % BLOCK] = value;
             }
-            limits.push([
-                start1 + PI,
-                reach(l.axis1_min_rad, l.axis1_max_rad),
-                start2 + PI,
-                reach(l.axis2_min_rad, l.axis2_max_rad),
-            ]);
+            limits.push([range1.middle, range1.reach, range2.middle, fast_reach2]);
+            ranges.push([range1, range2]);
         }
         // The padding repeats the last heliostat: whatever path it takes, so do its neighbours.
         if let Some(last) = len.checked_sub(1) {
@@ -161,22 +176,31 @@ impl Prepared {
             constants,
             base: shared.map_or(Base::PerHeliostat(axes), Base::Shared),
             limits: Limits::new(unlimited, &limits, blocks),
+            ranges,
+            references: field
+                .heliostats()
+                .iter()
+                .map(|h| {
+                    [
+                        h.errors.azimuth_reference_rad,
+                        h.errors.elevation_reference_rad,
+                    ]
+                })
+                .collect(),
             axis_limits: field.heliostats().iter().map(|h| h.limits).collect(),
             pivots: field.heliostats().iter().map(|h| h.pivot).collect(),
             aims: field.heliostats().iter().map(|h| h.aim).collect(),
-            mirror_offsets_m: field.heliostats().iter().map(|h| h.mirror_offset_m).collect(),
+            mirror_offsets_m: field
+                .heliostats()
+                .iter()
+                .map(|h| h.mirror_offset_m)
+                .collect(),
         }
     }
 }
 
-/// Greatest distance from the middle of the limits that counts as inside \[rad\].
-fn reach(min_rad: f64, max_rad: f64) -> f64 {
-    if min_rad.is_finite() && max_rad.is_finite() {
-        0.5 * (max_rad - min_rad) + LIMIT_TOLERANCE_RAD
-    } else {
-        f64::INFINITY
-    }
-}
+/// Stands for Hz/L where the aim is at the pivot: no heliostat has it, and no kernel chokes on it.
+pub(crate) const AT_PIVOT: f64 = 1e30;
 
 /// Nearest an aim may be to a pivot \[m\].
 const MIN_SLANT_M: f64 = 1e-6;

@@ -15,7 +15,7 @@
 //!
 //! A file is written beside its destination and renamed when it is complete, so a failed run
 //! leaves nothing behind. Destinations that are not regular files (a device, a named pipe) are
-//! written directly.
+//! written directly. Small tables without suns are written by [`write_table`].
 //!
 //! ```
 //! use helio_core::Status;
@@ -47,6 +47,7 @@
 //! ```
 
 mod parquet;
+mod plain;
 mod rows;
 mod sink;
 mod text;
@@ -55,6 +56,7 @@ use std::path::Path;
 
 use helio_core::Status;
 
+pub use plain::write_table;
 pub use sink::Destination;
 
 use rows::Checked;
@@ -309,9 +311,10 @@ impl TableWriter {
     ) -> Result<Self, IoError> {
         let sink = sink::Sink::open(destination)?;
         let encoder = match format {
-            Format::Parquet => {
-                Encoder::Parquet(Box::new(parquet::ParquetEncoder::new(&layout, sink.name())?))
-            }
+            Format::Parquet => Encoder::Parquet(Box::new(parquet::ParquetEncoder::new(
+                &layout,
+                sink.name(),
+            )?)),
             text => Encoder::Text(text::TextEncoder::new(&layout, text)),
         };
         let mut writer = Self {

@@ -24,7 +24,10 @@ impl<'a> Checked<'a> {
                 return Ok(());
             }
             let message = format!("table block: {what}: expected {expected} entries, got {got}");
-            Err(IoError::new(Place::default(), Problem::Conflict { message }))
+            Err(IoError::new(
+                Place::default(),
+                Problem::Conflict { message },
+            ))
         };
         let suns = rows.moments.len();
         match (rows.moments, layout.moment) {
@@ -49,12 +52,20 @@ impl<'a> Checked<'a> {
         if let Some(heliostats) = rows.heliostats {
             equal("heliostats", len, heliostats.len())?;
             if let Some(&beyond) = heliostats.iter().find(|&&h| h as usize >= field) {
-                equal("heliostat index below the number of ids", field, beyond as usize)?;
+                equal(
+                    "heliostat index below the number of ids",
+                    field,
+                    beyond as usize,
+                )?;
             }
         } else if rows.ends.is_some() {
             equal("heliostats", len, 0)?;
         }
-        equal("columns of numbers", layout.numbers.len(), rows.numbers.len())?;
+        equal(
+            "columns of numbers",
+            layout.numbers.len(),
+            rows.numbers.len(),
+        )?;
         for (number, column) in layout.numbers.iter().zip(rows.numbers) {
             equal(&number.name, len, column.len())?;
         }

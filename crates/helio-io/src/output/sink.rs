@@ -157,7 +157,10 @@ impl Sink {
     }
 
     fn stopped(&self) -> IoError {
-        IoError::write(&self.name, io::Error::other("the writing thread has stopped"))
+        IoError::write(
+            &self.name,
+            io::Error::other("the writing thread has stopped"),
+        )
     }
 }
 

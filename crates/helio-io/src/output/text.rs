@@ -61,7 +61,9 @@ impl TextEncoder {
         match self.format {
             Format::Csv => {
                 let headings: Vec<_> = layout.headings().into_iter().map(csv_text).collect();
-                sink.send(Piece::Owned(format!("{}\n", headings.join(",")).into_bytes()))
+                sink.send(Piece::Owned(
+                    format!("{}\n", headings.join(",")).into_bytes(),
+                ))
             }
             Format::Json => sink.send(Piece::Owned(b"[".to_vec())),
             _ => Ok(()),
@@ -88,7 +90,14 @@ impl TextEncoder {
         pieces.par_iter_mut().enumerate().for_each(|(task, out)| {
             let start = task * ROWS_PER_TASK;
             let range = start..(start + ROWS_PER_TASK).min(block.len());
-            self.write_rows(layout, block, &moments, range, first_of_table && task == 0, out);
+            self.write_rows(
+                layout,
+                block,
+                &moments,
+                range,
+                first_of_table && task == 0,
+                out,
+            );
         });
         for piece in pieces {
             sink.send(Piece::Owned(piece))?;
@@ -198,7 +207,7 @@ impl TextEncoder {
 }
 
 /// A field of a CSV row, quoted where it has to be.
-fn csv_text(text: &str) -> String {
+pub(super) fn csv_text(text: &str) -> String {
     if text.contains(['"', ',', '\n', '\r']) {
         format!("\"{}\"", text.replace('"', "\"\""))
     } else {
@@ -207,7 +216,7 @@ fn csv_text(text: &str) -> String {
 }
 
 /// A JSON string with its quotes.
-fn json_text(text: &str) -> String {
+pub(super) fn json_text(text: &str) -> String {
     let mut quoted = String::with_capacity(text.len() + 2);
     quoted.push('"');
     for c in text.chars() {

@@ -125,7 +125,10 @@ fn juelich() {
     let t1_max = 0.028190461 + growth(0.335308, 0.338095, 0.076773774, 66156.0);
     let t2_min = 0.931417847 - growth(0.340771, 0.3191, 0.076541364, 76112.0);
     for (found, wanted) in [
-        (limits.axis1_min_rad, -t1_max.min(1.570796327)),
+        (
+            limits.axis1_min_rad,
+            -t1_max.min(std::f64::consts::FRAC_PI_2),
+        ),
         (limits.axis1_max_rad, -0.028190461),
         (limits.axis2_min_rad, t2_min.max(-0.95993)),
         (limits.axis2_max_rad, 0.931417847),

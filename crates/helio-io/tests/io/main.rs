@@ -1,5 +1,8 @@
 //! Reading files: what is good is understood, what is bad is refused in good words.
 
+// clippy.toml covers the tests themselves, not their helpers.
+#![allow(clippy::unwrap_used, clippy::print_stdout)]
+
 mod angles;
 mod files;
 mod foreign;

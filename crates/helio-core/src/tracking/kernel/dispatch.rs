@@ -9,41 +9,33 @@ use crate::lanes::{BLOCK, Lanes, SimdLevel};
 use crate::offset::OffsetForm;
 use crate::tracking::prepared::Prepared;
 
-/// Computes the rows of `out`, which begin at row `first` of the field, for one sun.
-/// `level` must be available on this processor. True if a row lies outside its limits.
-pub(crate) fn track_rows(
-    prepared: &Prepared,
-    form: OffsetForm,
-    sun: EnuUnit,
-    first: usize,
-    present: Option<PresentRows<'_>>,
-    level: SimdLevel,
-    stream: bool,
-    out: &mut Rows<'_>,
-) -> bool {
-    let call = Call { prepared, first, present, level, stream };
-    match form {
-        OffsetForm::Exact => call.with_offset(Exact, sun, out),
-        OffsetForm::Approximate => call.with_offset(Approximate, sun, out),
-        OffsetForm::Iterated(count) => call.with_offset(Iterated(count), sun, out),
-        OffsetForm::None => call.with_offset(Iterated(0), sun, out),
-    }
-}
-
-struct Call<'a> {
-    prepared: &'a Prepared,
-    first: usize,
-    present: Option<PresentRows<'a>>,
-    level: SimdLevel,
-    stream: bool,
+/// Some rows of a field, for one sun.
+pub(crate) struct Call<'a> {
+    pub prepared: &'a Prepared,
+    /// Row of the field at which the answer begins: a multiple of [`BLOCK`].
+    pub first: usize,
+    /// Present axis angles of the same rows.
+    pub present: Option<PresentRows<'a>>,
+    /// Must be available on this processor.
+    pub level: SimdLevel,
+    /// Write past the caches; the answer's columns are aligned to 64 bytes.
+    pub stream: bool,
 }
 
 impl Call<'_> {
+    /// Computes all rows of `out`. True if one lies outside its limits.
+    pub(crate) fn track(&self, form: OffsetForm, sun: EnuUnit, out: &mut Rows<'_>) -> bool {
+        match form {
+            OffsetForm::Exact => self.with_offset(Exact, sun, out),
+            OffsetForm::Approximate => self.with_offset(Approximate, sun, out),
+            OffsetForm::Iterated(count) => self.with_offset(Iterated(count), sun, out),
+            OffsetForm::None => self.with_offset(Iterated(0), sun, out),
+        }
+    }
+
     fn with_offset<O: OffsetSource>(&self, offset: O, sun: EnuUnit, out: &mut Rows<'_>) -> bool {
         match &self.prepared.limits {
-            Limits::None => {
-                self.with_limits(offset, Unlimited(&self.prepared.constants), sun, out)
-            },
+            Limits::None => self.with_limits(offset, Unlimited, sun, out),
             Limits::Uniform(values) => self.with_limits(offset, Uniform(values), sun, out),
             Limits::PerHeliostat(columns) => {
                 self.with_limits(offset, PerHeliostat(columns), sun, out)
@@ -58,10 +50,29 @@ impl Call<'_> {
         sun: EnuUnit,
         out: &mut Rows<'_>,
     ) -> bool {
-        let Prepared { constants, axis_limits, .. } = self.prepared;
+        let prepared = self.prepared;
+        let constants = &prepared.constants;
         match self.prepared.sun(sun) {
-            AnySun::Shared(sun) => self.run(Job { constants, offset, limits, axis_limits, sun }, out),
-            AnySun::Turned(sun) => self.run(Job { constants, offset, limits, axis_limits, sun }, out),
+            AnySun::Shared(sun) => self.run(
+                Job {
+                    prepared,
+                    constants,
+                    offset,
+                    limits,
+                    sun,
+                },
+                out,
+            ),
+            AnySun::Turned(sun) => self.run(
+                Job {
+                    prepared,
+                    constants,
+                    offset,
+                    limits,
+                    sun,
+                },
+                out,
+            ),
         }
     }
 
@@ -168,20 +179,19 @@ pub(crate) fn forward_rows(
 }
 
 #[inline(always)]
-fn forward_body<L: Lanes>(
-    prepared: &Prepared,
-    axis1: &[f64],
-    axis2: &[f64],
-    out: &mut [[f64; 3]],
-) {
+fn forward_body<L: Lanes>(prepared: &Prepared, axis1: &[f64], axis2: &[f64], out: &mut [[f64; 3]]) {
     let mut start = 0;
     while start < out.len() {
         let count = L::WIDTH.min(out.len() - start);
         let mut side = [[0.0; BLOCK]; 2];
-        side[0][..count].copy_from_slice(&axis1[start..start + count]);
-        side[1][..count].copy_from_slice(&axis2[start..start + count]);
+        for (lane, row) in (start..start + count).enumerate() {
+            let [reference1, reference2] = prepared.references[row];
+            side[0][lane] = axis1[row] - reference1;
+            side[1][lane] = axis2[row] - reference2;
+        }
         let axes = [L::read(&side[0]), L::read(&side[1])];
-        let normal = super::mount::forward::<L>(&prepared.constants, start, axes);
+        let normal =
+            super::mount::forward::<L>(&prepared.constants[start / BLOCK], start % BLOCK, axes);
         let mut columns = [[0.0; BLOCK]; 3];
         for (component, column) in normal.into_iter().zip(&mut columns) {
             component.write(column);

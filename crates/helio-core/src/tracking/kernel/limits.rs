@@ -4,7 +4,8 @@ use alloc::vec::Vec;
 use core::f64::consts::{PI, TAU};
 
 use crate::lanes::{BLOCK, Columns, Lanes, Mask};
-use crate::tracking::prepared::column;
+use crate::mount::AxisLimits;
+use crate::tracking::prepared::LIMIT_TOLERANCE_RAD;
 
 /// Limits of a field, per axis: middle of the window in which its angle is given, and greatest distance
 /// from there (see [`AxisRange`]). What only a present position needs is kept apart.
@@ -20,7 +21,9 @@ pub(crate) enum Limits {
 
 impl Limits {
     pub fn new(unlimited: bool, rows: &[[f64; 4]], blocks: usize) -> Self {
-        let Some(first) = rows.first() else { return Self::None };
+        let Some(first) = rows.first() else {
+            return Self::None;
+        };
         if unlimited {
             return Self::None;
         }
@@ -39,29 +42,59 @@ impl Limits {
     }
 }
 
-/// Start of the full turn \[rad\] in which an axis' angle is given: centred on the limits where there
-/// are two, else moved no farther from `default` than the one limit asks for.
-pub(crate) fn window_start(min_rad: f64, max_rad: f64, default: f64) -> f64 {
-    match (min_rad.is_finite(), max_rad.is_finite()) {
-        (true, true) => 0.5 * (min_rad + max_rad) - PI,
-        (true, false) => default.max(min_rad),
-        (false, true) => default.min(max_rad - TAU),
-        (false, false) => default,
-    }
-}
-
 /// Where an axis' angle is given: in the full turn about `middle`, where it must not be farther from
-/// the middle than `reach`.
+/// the middle than `reach`. Kernels count angles from the middle until the end.
 ///
 /// With two limits their middle is meant. A single limit moves the window but excludes no
 /// direction, since some number of turns always leads inside.
-#[derive(Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct AxisRange<L> {
     pub middle: L,
     pub reach: L,
 }
 
-/// Least and greatest angle of one axis, widened by the tolerance.
+impl AxisRange<f64> {
+    /// Of the first axis: [0, 2π) without limits.
+    pub fn of_axis1(limits: &AxisLimits) -> Self {
+        Self::new(limits.axis1_min_rad, limits.axis1_max_rad, PI)
+    }
+
+    /// Of the second axis. Without limits its angle is not wrapped at all and counts from zero.
+    pub fn of_axis2(limits: &AxisLimits, reference_rad: f64) -> Self {
+        let (min_rad, max_rad) = (limits.axis2_min_rad, limits.axis2_max_rad);
+        if min_rad.is_infinite() && max_rad.is_infinite() {
+            return Self {
+                middle: 0.0,
+                reach: f64::INFINITY,
+            };
+        }
+        Self::new(min_rad, max_rad, reference_rad)
+    }
+
+    fn new(min_rad: f64, max_rad: f64, default_middle: f64) -> Self {
+        let infinite = f64::INFINITY;
+        match (min_rad.is_finite(), max_rad.is_finite()) {
+            (true, true) => Self {
+                middle: 0.5 * (min_rad + max_rad),
+                reach: 0.5 * (max_rad - min_rad) + LIMIT_TOLERANCE_RAD,
+            },
+            (true, false) => Self {
+                middle: default_middle.max(min_rad + PI),
+                reach: infinite,
+            },
+            (false, true) => Self {
+                middle: default_middle.min(max_rad - PI),
+                reach: infinite,
+            },
+            (false, false) => Self {
+                middle: default_middle,
+                reach: infinite,
+            },
+        }
+    }
+}
+
+/// Least and greatest angle of one axis, widened by the tolerance; not of a window.
 #[derive(Clone, Copy)]
 pub(crate) struct AxisEnds<L> {
     pub low: L,
@@ -71,27 +104,26 @@ pub(crate) struct AxisEnds<L> {
 /// How a kernel gets at its limits; chosen once per call, so that the loop has no branch.
 pub(crate) trait LimitSource: Copy {
     const LIMITED: bool;
-    /// Range of axis 1 (0) or 2 (1) for the rows from `row`.
-    fn range<L: Lanes>(self, row: usize, axis: usize) -> AxisRange<L>;
-    /// Asks for the memory of the rows from `row`.
+    /// Range of axis 1 (0) or 2 (1) for the rows from `lane` of block `block`.
+    fn range<L: Lanes>(self, block: usize, lane: usize, axis: usize) -> AxisRange<L>;
+    /// Asks for the memory of a block, if there is one.
     #[inline(always)]
-    fn prefetch<L: Lanes>(self, _row: usize) {}
+    fn prefetch<L: Lanes>(self, _block: usize) {}
 }
 
 /// No heliostat is limited: axis 1 in [0, 2π), axis 2 as it comes.
 #[derive(Clone, Copy)]
-pub(crate) struct Unlimited<'a>(pub &'a [Columns<{ column::COUNT }>]);
+pub(crate) struct Unlimited;
 
-impl LimitSource for Unlimited<'_> {
+impl LimitSource for Unlimited {
     const LIMITED: bool = false;
     #[inline(always)]
-    fn range<L: Lanes>(self, row: usize, axis: usize) -> AxisRange<L> {
-        let middle = if axis == 0 {
-            L::splat(PI)
-        } else {
-            L::load(self.0, row, column::REFERENCE2)
-        };
-        AxisRange { middle, reach: L::splat(f64::INFINITY) }
+    fn range<L: Lanes>(self, _block: usize, _lane: usize, axis: usize) -> AxisRange<L> {
+        let middle = L::splat(if axis == 0 { PI } else { 0.0 });
+        AxisRange {
+            middle,
+            reach: L::splat(f64::INFINITY),
+        }
     }
 }
 
@@ -102,8 +134,11 @@ pub(crate) struct Uniform<'a>(pub &'a [f64; 4]);
 impl LimitSource for Uniform<'_> {
     const LIMITED: bool = true;
     #[inline(always)]
-    fn range<L: Lanes>(self, _row: usize, axis: usize) -> AxisRange<L> {
-        AxisRange { middle: L::splat(self.0[2 * axis]), reach: L::splat(self.0[2 * axis + 1]) }
+    fn range<L: Lanes>(self, _block: usize, _lane: usize, axis: usize) -> AxisRange<L> {
+        AxisRange {
+            middle: L::splat(self.0[2 * axis]),
+            reach: L::splat(self.0[2 * axis + 1]),
+        }
     }
 }
 
@@ -114,58 +149,45 @@ pub(crate) struct PerHeliostat<'a>(pub &'a [Columns<4>]);
 impl LimitSource for PerHeliostat<'_> {
     const LIMITED: bool = true;
     #[inline(always)]
-    fn range<L: Lanes>(self, row: usize, axis: usize) -> AxisRange<L> {
+    fn range<L: Lanes>(self, block: usize, lane: usize, axis: usize) -> AxisRange<L> {
         AxisRange {
-            middle: L::load(self.0, row, 2 * axis),
-            reach: L::load(self.0, row, 2 * axis + 1),
+            middle: L::load(&self.0[block], lane, 2 * axis),
+            reach: L::load(&self.0[block], lane, 2 * axis + 1),
         }
     }
     #[inline(always)]
-    fn prefetch<L: Lanes>(self, row: usize) {
-        L::prefetch(self.0, row, 0);
-        L::prefetch(self.0, row, 1);
-        L::prefetch(self.0, row, 2);
-        L::prefetch(self.0, row, 3);
+    fn prefetch<L: Lanes>(self, block: usize) {
+        if let Some(limits) = self.0.get(block) {
+            L::prefetch(limits, 0, 0);
+            L::prefetch(limits, 0, 1);
+            L::prefetch(limits, 0, 2);
+            L::prefetch(limits, 0, 3);
+        }
     }
 }
 
-/// An encoder reference, moved by whole turns only if it must, so that reference plus any angle from
-/// `least_rad` to `greatest_rad` is at most a turn away from the window that begins at `start_rad`.
-pub(crate) fn near_window(
-    reference_rad: f64,
-    start_rad: f64,
-    least_rad: f64,
-    greatest_rad: f64,
-) -> f64 {
-    let low = start_rad - TAU - least_rad;
-    let high = start_rad + 2.0 * TAU - greatest_rad;
-    if reference_rad >= low && reference_rad < high {
-        return reference_rad;
-    }
-    let turns = libm::floor((reference_rad - (0.5 * (low + high) - PI)) / TAU);
-    reference_rad - turns * TAU
+/// The representative within half a turn of an angle counted from a middle. The ends are drawn in
+/// by rounding's share, so that a middle of π gives [0, 2π).
+#[inline(always)]
+pub(crate) fn within_half_turn<L: Lanes>(from_middle: L) -> L {
+    let turns = from_middle.mul(L::splat(1.0 / TAU)).round();
+    let wrapped = turns.neg_mul_add(L::splat(TAU), from_middle);
+    wrapped
+        .min(L::splat(PI - 4.0 * f64::EPSILON))
+        .max(L::splat(-PI))
 }
 
-impl<L: Lanes> AxisRange<L> {
-    /// The representative in [middle - π, middle + π) of an angle at most a turn away from there;
-    /// the references are prepared so that every solution is ([`near_window`]).
-    #[inline(always)]
-    pub fn home(&self, angle: L) -> L {
-        let (pi, tau) = (L::splat(PI), L::splat(TAU));
-        let angle = L::select(angle.lt(self.middle.sub(pi)), angle.add(tau), angle);
-        L::select(self.middle.add(pi).le(angle), angle.sub(tau), angle)
-    }
-
-    /// True where an angle lies within the limits.
-    #[inline(always)]
-    pub fn holds(&self, angle: L) -> L::Mask {
-        angle.sub(self.middle).abs().le(self.reach)
-    }
-
-    /// How far an angle lies outside; negative inside.
-    #[inline(always)]
-    pub fn excess(&self, angle: L) -> L {
-        angle.sub(self.middle).abs().sub(self.reach)
+impl AxisEnds<f64> {
+    /// Of both axes.
+    pub fn of(l: &AxisLimits) -> [Self; 2] {
+        [
+            [l.axis1_min_rad, l.axis1_max_rad],
+            [l.axis2_min_rad, l.axis2_max_rad],
+        ]
+        .map(|[low, high]| Self {
+            low: low - LIMIT_TOLERANCE_RAD,
+            high: high + LIMIT_TOLERANCE_RAD,
+        })
     }
 }
 
@@ -181,7 +203,8 @@ impl<L: Lanes> AxisEnds<L> {
         let most = self.high.sub(home).mul(per_turn).floor();
         let turns = wanted.max(least).min(most);
         let near = turns.mul_add(L::splat(TAU), home);
-        let inside = self.low.le(near).and(near.le(self.high));
+        let known = present.le(L::splat(f64::INFINITY));
+        let inside = self.low.le(near).and(near.le(self.high)).and(known);
         L::select(inside, near, home)
     }
 }

@@ -12,13 +12,13 @@ mod queue;
 mod tile;
 
 use limits::{AxisEnds, LimitSource};
+use mount::Constants;
 use normal::{OffsetSource, Rays};
 use queue::Queue;
 use tile::Tile;
 
-use super::prepared::{Base, LIMIT_TOLERANCE_RAD, Prepared, TILE, column};
-use crate::mount::AxisLimits;
-use crate::lanes::{Columns, Lanes};
+use super::prepared::{Base, Prepared, TILE, column};
+use crate::lanes::{BLOCK, Columns, Lanes};
 use crate::status::Status;
 
 /// The answer's columns for consecutive rows of one sun.
@@ -51,7 +51,13 @@ impl<'a> Rows<'a> {
         let (limit_excess, limit_excess_rest) = self.limit_excess.split_at_mut(row);
         let (status, status_rest) = self.status.split_at_mut(row);
         (
-            Rows { axis1, axis2, incidence, limit_excess, status },
+            Rows {
+                axis1,
+                axis2,
+                incidence,
+                limit_excess,
+                status,
+            },
             Rows {
                 axis1: axis1_rest,
                 axis2: axis2_rest,
@@ -70,7 +76,7 @@ impl<'a> Rows<'a> {
 /// Sun along the mount's axes for the rows of a group.
 pub(crate) trait SunSource: Copy {
     /// Half the unit vector to the sun.
-    fn half_sun<L: Lanes>(self, row: usize) -> [L; 3];
+    fn half_sun<L: Lanes>(self, block: usize, lane: usize) -> [L; 3];
 }
 
 /// One base rotation for the whole field.
@@ -79,8 +85,12 @@ pub(crate) struct SharedSun([f64; 3]);
 
 impl SunSource for SharedSun {
     #[inline(always)]
-    fn half_sun<L: Lanes>(self, _row: usize) -> [L; 3] {
-        [L::splat(self.0[0]), L::splat(self.0[1]), L::splat(self.0[2])]
+    fn half_sun<L: Lanes>(self, _block: usize, _lane: usize) -> [L; 3] {
+        [
+            L::splat(self.0[0]),
+            L::splat(self.0[1]),
+            L::splat(self.0[2]),
+        ]
     }
 }
 
@@ -93,21 +103,24 @@ pub(crate) struct TurnedSun<'a> {
 
 impl SunSource for TurnedSun<'_> {
     #[inline(always)]
-    fn half_sun<L: Lanes>(self, row: usize) -> [L; 3] {
+    fn half_sun<L: Lanes>(self, block: usize, lane: usize) -> [L; 3] {
         let [east, north, up] = self.half_enu;
         let half = [L::splat(east), L::splat(north), L::splat(up)];
-        [self.along(row, 0, half), self.along(row, 1, half), self.along(row, 2, half)]
+        let axes = &self.axes[block];
+        [
+            along(axes, lane, 0, half),
+            along(axes, lane, 1, half),
+            along(axes, lane, 2, half),
+        ]
     }
 }
 
-impl TurnedSun<'_> {
-    /// The component of half the sun along one of the mount's axes.
-    #[inline(always)]
-    fn along<L: Lanes>(self, row: usize, axis: usize, half: [L; 3]) -> L {
-        let east = L::load(self.axes, row, 3 * axis).mul(half[0]);
-        let level = L::load(self.axes, row, 3 * axis + 1).mul_add(half[1], east);
-        L::load(self.axes, row, 3 * axis + 2).mul_add(half[2], level)
-    }
+/// The component of half the sun along one of the mount's axes.
+#[inline(always)]
+fn along<L: Lanes>(axes: &Columns<9>, lane: usize, axis: usize, half: [L; 3]) -> L {
+    let east = L::load(axes, lane, 3 * axis).mul(half[0]);
+    let level = L::load(axes, lane, 3 * axis + 1).mul_add(half[1], east);
+    L::load(axes, lane, 3 * axis + 2).mul_add(half[2], level)
 }
 
 /// Present axis angles of the same rows; NaN where they are not known.
@@ -120,24 +133,24 @@ pub(crate) struct PresentRows<'a> {
 /// Everything a kernel needs of one sun.
 #[derive(Clone, Copy)]
 pub(crate) struct Job<'a, O, M, S> {
-    pub constants: &'a [Columns<{ column::COUNT }>],
+    pub prepared: &'a Prepared,
+    pub constants: &'a [Constants],
     pub offset: O,
     pub limits: M,
-    pub axis_limits: &'a [AxisLimits],
     pub sun: S,
 }
 
 impl<O: OffsetSource, M: LimitSource, S: SunSource> Job<'_, O, M, S> {
     #[inline(always)]
-    fn rays<L: Lanes>(&self, row: usize) -> Rays<L> {
+    fn rays<L: Lanes>(&self, constants: &Constants, block: usize, lane: usize) -> Rays<L> {
         Rays {
             half_t: [
-                L::load(self.constants, row, column::HALF_AIM),
-                L::load(self.constants, row, column::HALF_AIM + 1),
-                L::load(self.constants, row, column::HALF_AIM + 2),
+                L::load(constants, lane, column::HALF_AIM),
+                L::load(constants, lane, column::HALF_AIM + 1),
+                L::load(constants, lane, column::HALF_AIM + 2),
             ],
-            half_s: self.sun.half_sun::<L>(row),
-            ratio: L::load(self.constants, row, column::RATIO),
+            half_s: self.sun.half_sun::<L>(block, lane),
+            ratio: L::load(constants, lane, column::RATIO),
         }
     }
 
@@ -155,34 +168,39 @@ impl<O: OffsetSource, M: LimitSource, S: SunSource> Job<'_, O, M, S> {
         let mut side = SideColumns::new();
         let mut queue = Queue::new();
         let mut start = 0;
+        let blocks_from = |start: usize, len: usize| TILE.min(len - start).div_ceil(BLOCK);
+        if present.is_none() && out.len() > 0 {
+            self.open_tile::<L>(first / BLOCK, blocks_from(0, out.len()), &mut tile);
+        }
         while start < out.len() {
             let count = TILE.min(out.len() - start);
-            let vectors = count.div_ceil(L::WIDTH);
+            // With a present position every row has a choice to make.
+            let mut open = u64::MAX >> (64 - count);
             if present.is_none() {
                 // The rows of the last tile go by way of one on the side, which has room to spare.
                 let whole = count == TILE;
-                let mut target = if whole { out.part(start, TILE) } else { side.rows() };
-                self.tile::<L, STREAM>(first + start, vectors, &mut tile, &mut target);
+                let len = out.len();
+                let mut target = if whole {
+                    out.part(start, TILE)
+                } else {
+                    side.rows()
+                };
+                self.tile::<L, STREAM>(
+                    (first + start) / BLOCK,
+                    blocks_from(start, len),
+                    blocks_from(start + count, len),
+                    &mut tile,
+                    &mut target,
+                );
                 if !whole {
                     side.copy_to(&mut out.part(start, count));
                 }
+                open = tile.open(count);
             }
-            // With a present position every row has a choice to make.
-            if present.is_some() {
-                for row in start..start + count {
-                    self.enqueue(&mut queue, first + row, row, present);
-                }
-            } else if !tile.all_good::<L>(vectors) {
-                for vector in 0..vectors {
-                    let mut open = tile.open::<L>(vector);
-                    while open != 0 {
-                        let row = start + vector * L::WIDTH + open.trailing_zeros() as usize;
-                        if row < start + count {
-                            self.enqueue(&mut queue, first + row, row, None);
-                        }
-                        open &= open - 1;
-                    }
-                }
+            while open != 0 {
+                let row = start + open.trailing_zeros() as usize;
+                self.enqueue(&mut queue, first + row, row, present);
+                open &= open - 1;
             }
             start += count;
             if queue.wants_emptying() || start >= out.len() {
@@ -190,13 +208,6 @@ impl<O: OffsetSource, M: LimitSource, S: SunSource> Job<'_, O, M, S> {
             }
         }
         any_outside
-    }
-
-    fn ends(&self, row: usize) -> [AxisEnds<f64>; 2] {
-        let l = &self.axis_limits[row];
-        [[l.axis1_min_rad, l.axis1_max_rad], [l.axis2_min_rad, l.axis2_max_rad]].map(|[low, high]| {
-            AxisEnds { low: low - LIMIT_TOLERANCE_RAD, high: high + LIMIT_TOLERANCE_RAD }
-        })
     }
 
     /// Copies a row's inputs to the end of the queue.
@@ -208,12 +219,14 @@ impl<O: OffsetSource, M: LimitSource, S: SunSource> Job<'_, O, M, S> {
         present: Option<PresentRows<'_>>,
     ) {
         let present = present.map(|p| [p.axis1[out_row], p.axis2[out_row]]);
+        let (block, lane) = (field_row / BLOCK, field_row % BLOCK);
+        let constants = &self.constants[block];
         queue.push(queue::Entry {
             out_row,
-            constants: core::array::from_fn(|k| f64::load(self.constants, field_row, k)),
-            half_sun: self.sun.half_sun::<f64>(field_row),
-            ranges: [0, 1].map(|axis| self.limits.range::<f64>(field_row, axis)),
-            ends: self.ends(field_row),
+            constants: core::array::from_fn(|which| constants.0[which][lane]),
+            half_sun: self.sun.half_sun::<f64>(block, lane),
+            ranges: self.prepared.ranges[field_row],
+            ends: AxisEnds::of(&self.prepared.axis_limits[field_row]),
             present: present.unwrap_or([f64::NAN; 2]),
         });
     }
@@ -229,13 +242,22 @@ struct SideColumns {
 impl SideColumns {
     #[inline(always)]
     fn new() -> Self {
-        Self { columns: [[0.0; TILE]; 4], status: [Status::Ok; TILE] }
+        Self {
+            columns: [[0.0; TILE]; 4],
+            status: [Status::Ok; TILE],
+        }
     }
 
     #[inline(always)]
     fn rows(&mut self) -> Rows<'_> {
         let [axis1, axis2, incidence, limit_excess] = &mut self.columns;
-        Rows { axis1, axis2, incidence, limit_excess, status: &mut self.status }
+        Rows {
+            axis1,
+            axis2,
+            incidence,
+            limit_excess,
+            status: &mut self.status,
+        }
     }
 
     fn copy_to(&self, out: &mut Rows<'_>) {
@@ -262,9 +284,10 @@ impl Prepared {
                 axes.axis2.dot(half),
                 axes.axis3.dot(half),
             ])),
-            Base::PerHeliostat(axes) => {
-                AnySun::Turned(TurnedSun { half_enu: [half.east, half.north, half.up], axes })
-            }
+            Base::PerHeliostat(axes) => AnySun::Turned(TurnedSun {
+                half_enu: [half.east, half.north, half.up],
+                axes,
+            }),
         }
     }
 }

@@ -6,7 +6,8 @@ use crate::lanes::math::{Reduced, sin_cos};
 use crate::lanes::{Columns, Lanes, Mask};
 use crate::tracking::prepared::column;
 
-type Constants = Columns<{ column::COUNT }>;
+/// The prepared constants of a block of rows.
+pub(crate) type Constants = Columns<{ column::COUNT }>;
 
 /// What both solutions share.
 #[derive(Clone, Copy)]
@@ -27,20 +28,39 @@ pub(crate) struct Pose<L> {
 #[inline(always)]
 fn tilt<L: Lanes>(n: [L; 3], tilt1: L, tilt2: L, factor: L) -> [L; 3] {
     let z = tilt2.mul_add(n[1], tilt1.mul_add(n[0], n[2])).mul(factor);
-    [tilt1.neg_mul_add(z, n[0]), tilt2.neg_mul_add(z, n[1]), z.sub(n[2])]
+    [
+        tilt1.neg_mul_add(z, n[0]),
+        tilt2.neg_mul_add(z, n[1]),
+        z.sub(n[2]),
+    ]
 }
 
 /// Guo 2015 eqs. (19), (22)-(24) up to the sign of d1.
 #[inline(always)]
-pub(crate) fn pose<L: Lanes>(constants: &[Constants], row: usize, n: [L; 3]) -> Pose<L> {
-    let [c1, c2, c3] =
-        tilt(n, L::load(constants, row, column::TILT1), L::load(constants, row, column::TILT2), L::load(constants, row, column::TILT_FACTOR));
+pub(crate) fn pose<L: Lanes>(constants: &Constants, lane: usize, n: [L; 3]) -> Pose<L> {
+    let [c1, c2, c3] = tilt(
+        n,
+        L::load(constants, lane, column::TILT1),
+        L::load(constants, lane, column::TILT2),
+        L::load(constants, lane, column::TILT_FACTOR),
+    );
     // sin(alpha) = (c3 - sin(tau1) sin(mu)) / (cos(tau1) cos(mu))                          (22)
-    let sin_alpha = c3.mul_add(L::load(constants, row, column::SINE_FACTOR), L::load(constants, row, column::SINE_SHIFT));
+    let sin_alpha = c3.mul_add(
+        L::load(constants, lane, column::SINE_FACTOR),
+        L::load(constants, lane, column::SINE_SHIFT),
+    );
     // d2 = (sin(mu) - sin(tau1) c3) / cos(tau1)                                            (24)
-    let d2 = L::load(constants, row, column::D2_FACTOR).neg_mul_add(c3, L::load(constants, row, column::D2_SHIFT));
+    let d2 = L::load(constants, lane, column::D2_FACTOR)
+        .neg_mul_add(c3, L::load(constants, lane, column::D2_SHIFT));
     let level_sq = c2.mul_add(c2, c1.mul(c1));
-    Pose { c1, c2, sin_alpha, d2, level_sq, d1_sq: d2.neg_mul_add(d2, level_sq) }
+    Pose {
+        c1,
+        c2,
+        sin_alpha,
+        d2,
+        level_sq,
+        d1_sq: d2.neg_mul_add(d2, level_sq),
+    }
 }
 
 impl<L: Lanes> Pose<L> {
@@ -52,57 +72,75 @@ impl<L: Lanes> Pose<L> {
         Reduced::full(cosine, sine, L::splat(1.0).div(self.level_sq))
     }
 
-    /// Encoder angles of both solutions, not wrapped: direct and over the top. Valid also on the edge
-    /// of a blind cone, where the two meet, and face up on a perfect mount, where axis 1 may be
-    /// anything and is taken as its zero.
+    /// Encoder angles of both solutions, counted from the middles, not wrapped: direct and over the
+    /// top. Valid also on the edge of a blind cone, where the two meet, and face up on a perfect
+    /// mount, where axis 1 may be anything and is taken as its zero.
     #[inline(always)]
-    pub fn both(&self, constants: &[Constants], row: usize) -> [[L; 2]; 2] {
+    pub fn both(&self, constants: &Constants, lane: usize) -> [[L; 2]; 2] {
         let zero = L::splat(0.0);
         let d1 = self.d1_sq.max(zero).sqrt();
-        let vertical = L::splat(f64::MIN_POSITIVE).lt(self.level_sq).not();
-        let here = Self { level_sq: L::select(vertical, L::splat(1.0), self.level_sq), ..*self };
-        let reference1 = L::load(constants, row, column::REFERENCE1);
-        let reference2 = L::load(constants, row, column::REFERENCE2);
-        let gamma = here.gamma(d1).angle().add(reference1);
-        let over_gamma = here.gamma(zero.sub(d1)).angle().add(reference1);
-        let alpha = alpha(constants, row, d1, self.sin_alpha).angle();
+        let vertical = L::splat(MIN_LEVEL_SQ).lt(self.level_sq).not();
+        let here = Self {
+            level_sq: L::select(vertical, L::splat(1.0), self.level_sq),
+            ..*self
+        };
+        let shift1 = L::load(constants, lane, column::SHIFT1);
+        let shift2 = L::load(constants, lane, column::SHIFT2);
+        let gamma = here.gamma(d1).angle().add(shift1);
+        let over_gamma = here.gamma(zero.sub(d1)).angle().add(shift1);
+        let alpha = alpha(constants, lane, d1, self.sin_alpha).angle();
         // Over the top alpha is the supplement, 180° - alpha.
-        let over_alpha = L::splat(PI).sub(alpha).add(reference2);
+        let over_alpha = L::splat(PI).sub(alpha).add(shift2);
         [
-            [L::select(vertical, reference1, gamma), alpha.add(reference2)],
-            [L::select(vertical, reference1, over_gamma), over_alpha],
+            [L::select(vertical, shift1, gamma), alpha.add(shift2)],
+            [L::select(vertical, shift1, over_gamma), over_alpha],
         ]
     }
+
+    /// Sign bit set unless the row lies clearly outside a blind cone and is not face up.
+    #[inline(always)]
+    pub fn doubt(&self) -> L {
+        self.d1_sq.sub(L::splat(MIN_LEVEL_SQ))
+    }
 }
+
+/// c1² + c2² below which the normal counts as standing on the fixed axis.
+const MIN_LEVEL_SQ: f64 = 1e-280;
 
 /// alpha of the solution with d1 >= 0; d1 = cos(mu) cos(alpha).                                  (23)
 #[inline(always)]
 pub(crate) fn alpha<L: Lanes>(
-    constants: &[Constants],
-    row: usize,
+    constants: &Constants,
+    lane: usize,
     d1: L,
     sin_alpha: L,
 ) -> Reduced<L> {
-    Reduced::half(d1.mul(L::load(constants, row, column::COSINE_FACTOR)), sin_alpha)
+    Reduced::half(
+        d1.mul(L::load(constants, lane, column::COSINE_FACTOR)),
+        sin_alpha,
+    )
 }
 
-/// The normal along the mount's axes for encoder angles, Guo 2015 eq. (29).
+/// The normal along the mount's axes for gamma and alpha, Guo 2015 eq. (29).
 #[inline(always)]
-pub(crate) fn forward<L: Lanes>(constants: &[Constants], row: usize, axes: [L; 2]) -> [L; 3] {
-    let (sin_gamma, cos_gamma) = sin_cos(axes[0].sub(L::load(constants, row, column::REFERENCE1)));
-    let (sin_alpha, cos_alpha) = sin_cos(axes[1].sub(L::load(constants, row, column::REFERENCE2)));
+pub(crate) fn forward<L: Lanes>(constants: &Constants, lane: usize, angles: [L; 2]) -> [L; 3] {
+    let (sin_gamma, cos_gamma) = sin_cos(angles[0]);
+    let (sin_alpha, cos_alpha) = sin_cos(angles[1]);
     // (22)-(24) the other way
-    let c3 = sin_alpha.sub(L::load(constants, row, column::SINE_SHIFT)).div(L::load(constants, row, column::SINE_FACTOR));
-    let d1 = cos_alpha.div(L::load(constants, row, column::COSINE_FACTOR));
-    let d2 = L::load(constants, row, column::D2_FACTOR).neg_mul_add(c3, L::load(constants, row, column::D2_SHIFT));
+    let c3 = sin_alpha
+        .sub(L::load(constants, lane, column::SINE_SHIFT))
+        .div(L::load(constants, lane, column::SINE_FACTOR));
+    let d1 = cos_alpha.div(L::load(constants, lane, column::COSINE_FACTOR));
+    let d2 = L::load(constants, lane, column::D2_FACTOR)
+        .neg_mul_add(c3, L::load(constants, lane, column::D2_SHIFT));
     let c1 = sin_gamma.neg_mul_add(d2, cos_gamma.mul(d1));
     let c2 = sin_gamma.mul_add(d1, cos_gamma.mul(d2));
     // the transpose of a tilt is the tilt the other way
     let zero = L::splat(0.0);
     tilt(
         [c1, c2, c3],
-        zero.sub(L::load(constants, row, column::TILT1)),
-        zero.sub(L::load(constants, row, column::TILT2)),
-        L::load(constants, row, column::TILT_FACTOR),
+        zero.sub(L::load(constants, lane, column::TILT1)),
+        zero.sub(L::load(constants, lane, column::TILT2)),
+        L::load(constants, lane, column::TILT_FACTOR),
     )
 }

@@ -17,42 +17,61 @@ pub(crate) struct Rays<L> {
     pub half_t: [L; 3],
     /// Half the unit vector to the sun, along the mount's axes.
     pub half_s: [L; 3],
-    /// Hz/L; NaN where the aim is at the pivot.
+    /// Hz/L; enormous where the aim is at the pivot.
     pub ratio: L,
 }
 
-/// What does not depend on how the offset is taken into account, and one reciprocal that does.
+/// The first step: what depends on sun and aim alone, and the first guess of the lean.
 #[derive(Clone, Copy)]
 pub(crate) struct Bisector<L> {
     /// cos(theta), theta half the sun-aim angle.
     pub cos_theta: L,
     /// sin²(theta).
     pub sin_sq_theta: L,
-    pub reciprocal: L,
+    /// 1/cos(theta).
+    pub inverse_cos: L,
+    /// k0 of Guo 2015 eq. (8), where the form uses it.
+    pub first_k: L,
 }
 
-/// The normal, and whether it is one.
+/// The normal.
 #[derive(Clone, Copy)]
-pub(crate) struct Normal<L: Lanes> {
+pub(crate) struct Normal<L> {
     /// Components along the mount's axes.
     pub n: [L; 3],
-    /// Where the mirror's front sees the sun.
-    pub lit: L::Mask,
+    /// s·n, where it was asked for.
+    pub cos_incidence: L,
 }
 
 /// One way of taking the mirror-pivot offset into account, in three steps that a kernel may do in
 /// different loops.
 pub(crate) trait OffsetSource: Copy {
     fn bisector<L: Lanes>(self, rays: &Rays<L>) -> Bisector<L>;
-    /// k, the second coefficient of Guo 2015 eq. (16), where [`fast`](Self::fast) is true; with
-    /// `FULL` everywhere, at any cost.
+    /// k, the second coefficient of Guo 2015 eq. (16), for ratios up to [`MAX_SERIES_RATIO`]; with
+    /// `FULL` for any, at any cost.
     fn lean<L: Lanes, const FULL: bool>(self, ratio: L, bisector: &Bisector<L>) -> L;
-    fn normal<L: Lanes>(self, rays: &Rays<L>, bisector: &Bisector<L>, k: L) -> Normal<L>;
-    /// Where the short way of [`lean`](Self::lean) is valid.
-    #[inline(always)]
-    fn fast<L: Lanes>(self, _ratio: L) -> L::Mask {
-        L::splat(0.0).le(L::splat(0.0))
-    }
+    /// The normal; with `FULL` also s·n.
+    fn normal<L: Lanes, const FULL: bool>(
+        self,
+        rays: &Rays<L>,
+        bisector: &Bisector<L>,
+        k: L,
+    ) -> Normal<L>;
+}
+
+/// Negative, or with the sign bit set, for rows that are not for the fast path: the offset is too large for
+/// the series, or the sun may be edge-on or behind.
+///
+/// s·n = C cos(theta) - k sin²(theta) is bounded from below for |h| <= 1/12, where C > 0.7 and |k| < 0.55 |h|;
+/// a few rows just short of 90° are so left to be judged to the last digit elsewhere.
+#[inline(always)]
+pub(crate) fn doubt<L: Lanes>(ratio: L, cos_theta: L) -> L {
+    let size = ratio.abs();
+    let near = L::splat(MAX_SERIES_RATIO).sub(size);
+    let lit = size
+        .neg_mul_add(L::splat(0.55), cos_theta.mul(L::splat(0.7)))
+        .sub(L::splat(MIN_COS_INCIDENCE));
+    near.or(lit)
 }
 
 /// Half sum and half difference of the unit vectors: their lengths *are* cos(theta) and
@@ -81,7 +100,10 @@ impl<L: Lanes> HalfAngle<L> {
     /// cos(theta) and sin²(theta).
     #[inline(always)]
     fn cos_and_sin_sq(&self) -> (L, L) {
-        (dot(self.mean, self.mean).sqrt(), dot(self.difference, self.difference))
+        (
+            dot(self.mean, self.mean).sqrt(),
+            dot(self.difference, self.difference),
+        )
     }
 
     /// n = C/cos(theta) (s+t)/2 + k (t-s)/2, Guo 2015 eq. (16).
@@ -96,36 +118,34 @@ impl<L: Lanes> HalfAngle<L> {
     }
 }
 
-/// 2 - h cos(theta), with which k0 = h/(2 - h cos(theta)) is Guo 2015 eq. (8).
-#[inline(always)]
-fn lever<L: Lanes>(ratio: L, cos_theta: L) -> L {
-    ratio.neg_mul_add(cos_theta, L::splat(2.0))
-}
-
 /// One division serves 1/cos(theta) and 1/(2 - h cos(theta)).
 #[inline(always)]
 fn bisector_with_lever<L: Lanes>(rays: &Rays<L>) -> Bisector<L> {
     let (cos_theta, sin_sq_theta) = half_angle(rays).cos_and_sin_sq();
-    let product = cos_theta.mul(lever(rays.ratio, cos_theta));
-    Bisector { cos_theta, sin_sq_theta, reciprocal: L::splat(1.0).div(product) }
+    // k0 = h/(2 - h cos(theta))                                                                 (8)
+    let lever = rays.ratio.neg_mul_add(cos_theta, L::splat(2.0));
+    let reciprocal = L::splat(1.0).div(cos_theta.mul(lever));
+    Bisector {
+        cos_theta,
+        sin_sq_theta,
+        inverse_cos: reciprocal.mul(lever),
+        first_k: rays.ratio.mul(reciprocal.mul(cos_theta)),
+    }
 }
 
-/// k0 of eq. (8), from the reciprocal of [`bisector_with_lever`].
+/// The normal of eq. (16) with C = sqrt(1 - k² sin²(theta)).
 #[inline(always)]
-fn first_guess<L: Lanes>(ratio: L, b: &Bisector<L>) -> L {
-    ratio.mul(b.reciprocal.mul(b.cos_theta))
-}
-
-/// The normal of eq. (16) with C = sqrt(1 - k² sin²(theta)), from [`bisector_with_lever`].
-/// s·n = cos(theta + tau) = C cos(theta) - k sin²(theta).
-#[inline(always)]
-fn leaning_normal<L: Lanes>(rays: &Rays<L>, b: &Bisector<L>, k: L) -> Normal<L> {
+fn leaning_normal<L: Lanes, const FULL: bool>(rays: &Rays<L>, b: &Bisector<L>, k: L) -> Normal<L> {
     let c = k.mul(k).neg_mul_add(b.sin_sq_theta, L::splat(1.0)).sqrt();
-    let c_over_cos = c.mul(b.reciprocal.mul(lever(rays.ratio, b.cos_theta)));
-    let cos_incidence = k.neg_mul_add(b.sin_sq_theta, c.mul(b.cos_theta));
+    // s·n = cos(theta + tau)
+    let cos_incidence = if FULL {
+        k.neg_mul_add(b.sin_sq_theta, c.mul(b.cos_theta))
+    } else {
+        L::splat(0.0)
+    };
     Normal {
-        n: half_angle(rays).robust_normal(c_over_cos, k),
-        lit: L::splat(MIN_COS_INCIDENCE).lt(cos_incidence),
+        n: half_angle(rays).robust_normal(c.mul(b.inverse_cos), k),
+        cos_incidence,
     }
 }
 
@@ -148,7 +168,7 @@ impl OffsetSource for Exact {
     #[inline(always)]
     fn lean<L: Lanes, const FULL: bool>(self, h: L, b: &Bisector<L>) -> L {
         let c = L::splat;
-        let k0 = first_guess(h, b);
+        let k0 = b.first_k;
         let g = k0.mul(b.cos_theta);
         let v = k0.mul(k0).mul(b.sin_sq_theta);
         let x3 = g.mul_add(c(145.0 / 64.0), c(35.0 / 128.0));
@@ -157,21 +177,21 @@ impl OffsetSource for Exact {
         let low = x1.mul_add(v, c(0.5));
         let x = x3.mul_add(v, x2).mul_add(v.mul(v), low).mul(v.mul(g));
         let k = k0.mul_add(x, k0);
-        let fast = self.fast(h);
-        if FULL && !fast.all() {
-            return L::select(fast, k, near_field(h, b.cos_theta, b.sin_sq_theta.sqrt()));
+        let series = h.abs().le(c(MAX_SERIES_RATIO));
+        if FULL && !series.all() {
+            return L::select(series, k, near_field(h, b.cos_theta, b.sin_sq_theta.sqrt()));
         }
         k
     }
 
     #[inline(always)]
-    fn normal<L: Lanes>(self, rays: &Rays<L>, b: &Bisector<L>, k: L) -> Normal<L> {
-        leaning_normal(rays, b, k)
-    }
-
-    #[inline(always)]
-    fn fast<L: Lanes>(self, ratio: L) -> L::Mask {
-        ratio.abs().le(L::splat(MAX_SERIES_RATIO))
+    fn normal<L: Lanes, const FULL: bool>(
+        self,
+        rays: &Rays<L>,
+        b: &Bisector<L>,
+        k: L,
+    ) -> Normal<L> {
+        leaning_normal::<L, FULL>(rays, b, k)
     }
 }
 
@@ -216,13 +236,18 @@ impl OffsetSource for Approximate {
     }
 
     #[inline(always)]
-    fn lean<L: Lanes, const FULL: bool>(self, h: L, b: &Bisector<L>) -> L {
-        first_guess(h, b)
+    fn lean<L: Lanes, const FULL: bool>(self, _ratio: L, b: &Bisector<L>) -> L {
+        b.first_k
     }
 
     #[inline(always)]
-    fn normal<L: Lanes>(self, rays: &Rays<L>, b: &Bisector<L>, k: L) -> Normal<L> {
-        leaning_normal(rays, b, k)
+    fn normal<L: Lanes, const FULL: bool>(
+        self,
+        rays: &Rays<L>,
+        b: &Bisector<L>,
+        k: L,
+    ) -> Normal<L> {
+        leaning_normal::<L, FULL>(rays, b, k)
     }
 }
 
@@ -235,21 +260,30 @@ impl OffsetSource for Iterated {
     #[inline(always)]
     fn bisector<L: Lanes>(self, rays: &Rays<L>) -> Bisector<L> {
         let (cos_theta, sin_sq_theta) = half_angle(rays).cos_and_sin_sq();
-        Bisector { cos_theta, sin_sq_theta, reciprocal: L::splat(1.0).div(cos_theta) }
+        Bisector {
+            cos_theta,
+            sin_sq_theta,
+            inverse_cos: L::splat(1.0).div(cos_theta),
+            first_k: L::splat(0.0),
+        }
     }
 
     #[inline(always)]
-    fn lean<L: Lanes, const FULL: bool>(self, h: L, _bisector: &Bisector<L>) -> L {
-        // A NaN ratio marks an aim at the pivot: let it through to the comparison.
-        h.sub(h)
+    fn lean<L: Lanes, const FULL: bool>(self, _ratio: L, _bisector: &Bisector<L>) -> L {
+        L::splat(0.0)
     }
 
     #[inline(always)]
-    fn normal<L: Lanes>(self, rays: &Rays<L>, b: &Bisector<L>, k: L) -> Normal<L> {
+    fn normal<L: Lanes, const FULL: bool>(
+        self,
+        rays: &Rays<L>,
+        b: &Bisector<L>,
+        k: L,
+    ) -> Normal<L> {
         let [t, s] = [rays.half_t, rays.half_s];
         let half = L::splat(0.5);
         let half_h = rays.ratio.mul(half);
-        let mut n = half_angle(rays).robust_normal(b.reciprocal, k);
+        let mut n = half_angle(rays).robust_normal(b.inverse_cos, k);
         for _ in 0..self.0 {
             // in units of L: half of T - M is half_t - (h/2) n
             let ray = [
@@ -266,7 +300,9 @@ impl OffsetSource for Iterated {
             let unit = L::splat(1.0).div(dot(sum, sum).sqrt());
             n = [sum[0].mul(unit), sum[1].mul(unit), sum[2].mul(unit)];
         }
-        let cos_incidence = dot(s, n).mul(L::splat(2.0));
-        Normal { n, lit: L::splat(MIN_COS_INCIDENCE).lt(cos_incidence) }
+        Normal {
+            n,
+            cos_incidence: dot(s, n).mul(L::splat(2.0)),
+        }
     }
 }

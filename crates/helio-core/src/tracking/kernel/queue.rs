@@ -3,9 +3,9 @@
 use alloc::vec::Vec;
 
 use super::Rows;
-use super::limits::{AxisEnds, AxisRange};
+use super::limits::{AxisEnds, AxisRange, within_half_turn};
 use super::mount::pose;
-use super::normal::{OffsetSource, Rays};
+use super::normal::{MIN_COS_INCIDENCE, OffsetSource, Rays};
 use crate::lanes::math::Reduced;
 use crate::lanes::{BLOCK, Columns, Lanes, Mask};
 use crate::status::Status;
@@ -48,7 +48,12 @@ pub(super) struct Queue {
 
 impl Queue {
     pub fn new() -> Self {
-        Self { constants: Vec::new(), own: Vec::new(), out_rows: Vec::new(), len: 0 }
+        Self {
+            constants: Vec::new(),
+            own: Vec::new(),
+            out_rows: Vec::new(),
+            len: 0,
+        }
     }
 
     pub fn push(&mut self, entry: Entry) {
@@ -108,17 +113,23 @@ impl Queue {
 
     #[inline(always)]
     fn own<L: Lanes>(&self, row: usize, which: usize) -> L {
-        L::load(&self.own, row, which - column::COUNT)
+        L::load(&self.own[row / BLOCK], row % BLOCK, which - column::COUNT)
     }
 
     #[inline(always)]
     fn range<L: Lanes>(&self, row: usize, first: usize) -> AxisRange<L> {
-        AxisRange { middle: self.own(row, first), reach: self.own(row, first + 1) }
+        AxisRange {
+            middle: self.own(row, first),
+            reach: self.own(row, first + 1),
+        }
     }
 
     #[inline(always)]
     fn ends<L: Lanes>(&self, row: usize, first: usize) -> AxisEnds<L> {
-        AxisEnds { low: self.own(row, first), high: self.own(row, first + 1) }
+        AxisEnds {
+            low: self.own(row, first),
+            high: self.own(row, first + 1),
+        }
     }
 
     /// Rows to which anything may happen.
@@ -127,22 +138,47 @@ impl Queue {
         let splat = L::splat;
         let nan = splat(f64::NAN);
         let half_t = [
-            L::load(&self.constants, row, column::HALF_AIM),
-            L::load(&self.constants, row, column::HALF_AIM + 1),
-            L::load(&self.constants, row, column::HALF_AIM + 2),
+            L::load(&self.constants[row / BLOCK], row % BLOCK, column::HALF_AIM),
+            L::load(
+                &self.constants[row / BLOCK],
+                row % BLOCK,
+                column::HALF_AIM + 1,
+            ),
+            L::load(
+                &self.constants[row / BLOCK],
+                row % BLOCK,
+                column::HALF_AIM + 2,
+            ),
         ];
-        let half_s = [self.own::<L>(row, own::HALF_SUN), self.own::<L>(row, own::HALF_SUN + 1), self.own::<L>(row, own::HALF_SUN + 2)];
-        let ratio = L::load(&self.constants, row, column::RATIO);
-        let ranges = [self.range::<L>(row, own::RANGE1), self.range::<L>(row, own::RANGE2)];
-        let ends = [self.ends::<L>(row, own::ENDS1), self.ends::<L>(row, own::ENDS2)];
-        let present = [self.own::<L>(row, own::PRESENT), self.own::<L>(row, own::PRESENT + 1)];
+        let half_s = [
+            self.own::<L>(row, own::HALF_SUN),
+            self.own::<L>(row, own::HALF_SUN + 1),
+            self.own::<L>(row, own::HALF_SUN + 2),
+        ];
+        let ratio = L::load(&self.constants[row / BLOCK], row % BLOCK, column::RATIO);
+        let ranges = [
+            self.range::<L>(row, own::RANGE1),
+            self.range::<L>(row, own::RANGE2),
+        ];
+        let ends = [
+            self.ends::<L>(row, own::ENDS1),
+            self.ends::<L>(row, own::ENDS2),
+        ];
+        let present = [
+            self.own::<L>(row, own::PRESENT),
+            self.own::<L>(row, own::PRESENT + 1),
+        ];
 
-        let rays = Rays { half_t, half_s, ratio };
+        let rays = Rays {
+            half_t,
+            half_s,
+            ratio,
+        };
         let bisector = offset.bisector(&rays);
         let k = offset.lean::<L, true>(ratio, &bisector);
-        let normal = offset.normal(&rays, &bisector, k);
-        let pose = pose::<L>(&self.constants, row, normal.n);
-        let [direct, over] = pose.both(&self.constants, row);
+        let normal = offset.normal::<L, true>(&rays, &bisector, k);
+        let pose = pose::<L>(&self.constants[row / BLOCK], row % BLOCK, normal.n);
+        let [direct, over] = pose.both(&self.constants[row / BLOCK], row % BLOCK);
 
         let direct = Choice::of(direct, &ranges, &ends, present);
         let over = Choice::of(over, &ranges, &ends, present);
@@ -162,17 +198,30 @@ impl Queue {
         let mut status = L::select(fits, ok, code::<L>(Status::OutsideLimits));
         let reachable = splat(0.0).le(pose.d1_sq);
         status = L::select(reachable, status, code::<L>(Status::Unreachable));
-        status = L::select(normal.lit, status, code::<L>(Status::SunOpposesAim));
-        // a NaN ratio compares false
+        let lit = splat(MIN_COS_INCIDENCE).lt(normal.cos_incidence);
+        status = L::select(lit, status, code::<L>(Status::SunOpposesAim));
         status = L::select(ratio.le(splat(1.0)), status, code::<L>(Status::AimAtPivot));
 
         let good = status.le(ok);
         let mut answer = Answer::default();
-        L::select(good, L::select(take_over, over.angles[0], direct.angles[0]), nan).write(&mut answer.axis1);
-        L::select(good, L::select(take_over, over.angles[1], direct.angles[1]), nan).write(&mut answer.axis2);
+        L::select(
+            good,
+            L::select(take_over, over.angles[0], direct.angles[0]),
+            nan,
+        )
+        .write(&mut answer.axis1);
+        L::select(
+            good,
+            L::select(take_over, over.angles[1], direct.angles[1]),
+            nan,
+        )
+        .write(&mut answer.axis2);
         let incidence = Reduced::acute(bisector.cos_theta, bisector.sin_sq_theta.sqrt()).angle();
         L::select(good, incidence, nan).write(&mut answer.incidence);
-        let excess = direct.excess.min(over.excess).add(splat(LIMIT_TOLERANCE_RAD));
+        let excess = direct
+            .excess
+            .min(over.excess)
+            .add(splat(LIMIT_TOLERANCE_RAD));
         excess.write(&mut answer.limit_excess);
         status.write(&mut answer.status);
         answer
@@ -213,12 +262,37 @@ impl<L: Lanes> Choice<L> {
         ends: &[AxisEnds<L>; 2],
         present: [L; 2],
     ) -> Self {
-        let home = [ranges[0].home(solution[0]), ranges[1].home(solution[1])];
-        let excess = ranges[0].excess(home[0]).max(ranges[1].excess(home[1]));
-        let fits = ranges[0].holds(home[0]).and(ranges[1].holds(home[1]));
-        let angles =
-            [ends[0].nearest(home[0], present[0]), ends[1].nearest(home[1], present[1])];
-        let travel = angles[0].sub(present[0]).abs().max(angles[1].sub(present[1]).abs());
-        Self { angles, excess, fits, travel }
+        // A second axis without limits is not wrapped.
+        let infinite = L::splat(f64::INFINITY);
+        let free = ends[1]
+            .low
+            .le(L::splat(f64::NEG_INFINITY))
+            .and(infinite.le(ends[1].high));
+        let from_middle = [
+            within_half_turn(solution[0]),
+            L::select(free, solution[1], within_half_turn(solution[1])),
+        ];
+        let excess1 = from_middle[0].abs().sub(ranges[0].reach);
+        let excess2 = from_middle[1].abs().sub(ranges[1].reach);
+        let excess = excess1.max(excess2);
+        let fits = excess.le(L::splat(0.0));
+        let home = [
+            from_middle[0].add(ranges[0].middle),
+            from_middle[1].add(ranges[1].middle),
+        ];
+        let angles = [
+            ends[0].nearest(home[0], present[0]),
+            ends[1].nearest(home[1], present[1]),
+        ];
+        let travel = angles[0]
+            .sub(present[0])
+            .abs()
+            .max(angles[1].sub(present[1]).abs());
+        Self {
+            angles,
+            excess,
+            fits,
+            travel,
+        }
     }
 }

@@ -26,7 +26,12 @@ pub(super) fn run(count: usize, value: u32, bits: u32, out: &mut Vec<u8>) {
 }
 
 /// Appends the values of `key` over a range, in runs and packed groups of eight.
-pub(super) fn encode(range: Range<usize>, bits: u32, key: impl Fn(usize) -> u32, out: &mut Vec<u8>) {
+pub(super) fn encode(
+    range: Range<usize>,
+    bits: u32,
+    key: impl Fn(usize) -> u32,
+    out: &mut Vec<u8>,
+) {
     let mut packed = range.start;
     let mut at = range.start;
     while at < range.end {

@@ -73,11 +73,17 @@ struct CachedIds {
 /// A part of a row group that one thread makes.
 enum Task {
     /// A dictionary-encoded column of 8-byte moments: values per sun.
-    Moment { values: Vec<[u8; 8]>, keys: bool },
+    Moment {
+        values: Vec<[u8; 8]>,
+        keys: bool,
+    },
     Ids,
     IdKeys,
     Status,
-    Number { column: usize, part: Range<usize> },
+    Number {
+        column: usize,
+        part: Range<usize>,
+    },
 }
 
 /// What a chunk's statistics are made of.
@@ -216,7 +222,13 @@ impl ParquetEncoder {
         let statistics = moment_statistics(block, &range);
         for statistics in statistics.into_iter().take(moments) {
             let pages: Vec<Page> = made.by_ref().take(2).map(|(page, _)| page).collect();
-            group.add(Some(0), Coding::RleDictionary, Some(statistics), pages, sink)?;
+            group.add(
+                Some(0),
+                Coding::RleDictionary,
+                Some(statistics),
+                pages,
+                sink,
+            )?;
         }
         let ids = match cached {
             Some(cached) => cached,
@@ -278,7 +290,14 @@ impl Group {
             sink.send(Piece::Small(page.header))?;
             sink.send(Piece::Owned(page.body))?;
         }
-        self.describe(start, bytes, raw_bytes, dictionary_bytes, coding, statistics)
+        self.describe(
+            start,
+            bytes,
+            raw_bytes,
+            dictionary_bytes,
+            coding,
+            statistics,
+        )
     }
 
     /// Sends a dictionary-encoded text chunk that was made before.
@@ -295,7 +314,14 @@ impl Group {
         let bytes = parts.iter().map(|part| part.bytes.len()).sum();
         let raw_bytes = parts.iter().map(|part| part.raw_bytes).sum();
         let coding = Coding::RleDictionary;
-        self.describe(start, bytes, raw_bytes, Some(dictionary_bytes), coding, None)
+        self.describe(
+            start,
+            bytes,
+            raw_bytes,
+            Some(dictionary_bytes),
+            coding,
+            None,
+        )
     }
 
     fn describe(
@@ -359,9 +385,9 @@ fn message_type(layout: &Layout) -> String {
     let mut text = String::from("message table {\n");
     match layout.moment {
         Moment::Time => text.push_str("REQUIRED INT64 time (TIMESTAMP(NANOS,true));\n"),
-        Moment::SunAngles => text.push_str(
-            "REQUIRED DOUBLE sun_azimuth_deg;\nREQUIRED DOUBLE sun_elevation_deg;\n",
-        ),
+        Moment::SunAngles => {
+            text.push_str("REQUIRED DOUBLE sun_azimuth_deg;\nREQUIRED DOUBLE sun_elevation_deg;\n")
+        }
     }
     text.push_str("REQUIRED BYTE_ARRAY id (STRING);\n");
     for number in &layout.numbers {
@@ -422,13 +448,20 @@ fn tasks(layout: &Layout, block: &Checked<'_>, range: &Range<usize>, ids_known: 
         tasks.push(Task::Moment { values, keys: true });
     };
     match block.moments {
-        Moments::Times { unix_ns } => moment(unix_ns[suns].iter().map(|t| t.to_le_bytes()).collect()),
+        Moments::Times { unix_ns } => {
+            moment(unix_ns[suns].iter().map(|t| t.to_le_bytes()).collect())
+        }
         Moments::SunAngles {
             azimuth_deg,
             elevation_deg,
         } => {
             for angles in [azimuth_deg, elevation_deg] {
-                moment(angles[suns.clone()].iter().map(|a| a.to_le_bytes()).collect());
+                moment(
+                    angles[suns.clone()]
+                        .iter()
+                        .map(|a| a.to_le_bytes())
+                        .collect(),
+                );
             }
         }
     }
@@ -458,7 +491,13 @@ fn moment_statistics(block: &Checked<'_>, range: &Range<usize>) -> Vec<Statistic
         Moments::Times { unix_ns } => {
             let times = &unix_ns[suns];
             let (min, max) = (times.iter().min(), times.iter().max());
-            vec![Statistics::int64(min.copied(), max.copied(), None, Some(0), false)]
+            vec![Statistics::int64(
+                min.copied(),
+                max.copied(),
+                None,
+                Some(0),
+                false,
+            )]
         }
         Moments::SunAngles {
             azimuth_deg,
@@ -606,7 +645,10 @@ fn numbers<'a>(
     desk.raw[..4].copy_from_slice(&levels.to_le_bytes());
 
     if number.scale == Scale::Whole {
-        let whole: Vec<i64> = dense.iter().map(|&v| number.scale.apply(v) as i64).collect();
+        let whole: Vec<i64> = dense
+            .iter()
+            .map(|&v| number.scale.apply(v) as i64)
+            .collect();
         delta::encode(&whole, &mut desk.raw);
         return (extent, &desk.raw);
     }
@@ -643,8 +685,8 @@ fn extent(values: &[f64], scale: Scale) -> (Extent, bool) {
         see(0, v);
     }
     for chunk in chunks {
-        for lane in 0..8 {
-            see(lane, chunk[lane]);
+        for (lane, &v) in chunk.iter().enumerate() {
+            see(lane, v);
         }
     }
     let min = min.into_iter().fold(f64::INFINITY, f64::min);
@@ -673,5 +715,162 @@ fn joined(pages: &[Page]) -> Bytes {
     Bytes {
         bytes: bytes.into(),
         raw_bytes: pages.iter().map(|page| page.raw_bytes).sum(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs::File;
+
+    use arrow::array::{Array, AsArray};
+    use arrow::datatypes::{Float64Type, Int32Type, Int64Type, TimestampNanosecondType};
+    use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
+
+    use super::*;
+    use crate::output::{Destination, Rows, TableWriter};
+
+    /// A block large enough to be cut inside a sun, then a small one, then one of all suns at once:
+    /// nulls in stretches and scattered, several pages, times and ids across the cuts.
+    #[test]
+    fn what_is_written_is_read_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("table.parquet");
+        let n = 70_000;
+        let layout = Layout {
+            ids: (0..n).map(|i| format!("H{i}")).collect(),
+            moment: Moment::Time,
+            numbers: vec![
+                Number::new("number", Scale::Plain),
+                Number::new("whole", Scale::Whole).also(Status::OutsideLimits),
+            ],
+        };
+        let number = |row: usize| {
+            if row.is_multiple_of(13) {
+                f64::NAN
+            } else {
+                (row as f64).sin() * 1e3
+            }
+        };
+        let whole = |row: usize| (row * row % 1_000_003) as f64 - 5e5 + 0.25;
+        let status = |row: usize| match row {
+            300_000..450_000 => Status::SunBelowHorizon,
+            _ if row.is_multiple_of(97) => Status::OutsideLimits,
+            _ => Status::Ok,
+        };
+        let mut writer =
+            TableWriter::create(Destination::File(path.clone()), Format::Parquet, layout).unwrap();
+        let mut row = 0;
+        for suns in [35, 1, 15] {
+            let rows = row..row + suns * n;
+            let times: Vec<i64> = rows
+                .clone()
+                .step_by(n)
+                .map(|r| (r / n) as i64 * 10)
+                .collect();
+            let numbers: Vec<f64> = rows.clone().map(number).collect();
+            let wholes: Vec<f64> = rows.clone().map(whole).collect();
+            let statuses: Vec<Status> = rows.map(status).collect();
+            writer
+                .write(&Rows {
+                    moments: Moments::Times { unix_ns: &times },
+                    ends: None,
+                    heliostats: None,
+                    numbers: &[&numbers, &wholes],
+                    status: &statuses,
+                })
+                .unwrap();
+            row += suns * n;
+        }
+        assert_eq!(writer.finish().unwrap().rows, row as u64);
+
+        let reader = ParquetRecordBatchReaderBuilder::try_new(File::open(path).unwrap()).unwrap();
+        assert_eq!(reader.metadata().num_row_groups(), 3 + 1 + 1);
+        let mut at = 0;
+        for batch in reader.with_batch_size(65_536).build().unwrap() {
+            let batch = batch.unwrap();
+            let words = |column: usize| {
+                let column = batch.column(column).as_dictionary::<Int32Type>();
+                (
+                    column.keys().clone(),
+                    column.values().as_string::<i32>().clone(),
+                )
+            };
+            let times = batch.column(0).as_primitive::<TimestampNanosecondType>();
+            let (ids, id_words) = words(1);
+            let numbers = batch.column(2).as_primitive::<Float64Type>();
+            let wholes = batch.column(3).as_primitive::<Int64Type>();
+            let (statuses, status_words) = words(4);
+            for i in 0..batch.num_rows() {
+                assert_eq!(times.value(i), (at / n) as i64 * 10);
+                let id: usize = id_words.value(ids.value(i) as usize)[1..].parse().unwrap();
+                assert_eq!(id, at % n);
+                let status = status(at);
+                assert_eq!(
+                    status_words.value(statuses.value(i) as usize),
+                    status.as_str()
+                );
+                let ok = status == Status::Ok;
+                assert_eq!(numbers.is_valid(i), ok && !number(at).is_nan());
+                if numbers.is_valid(i) {
+                    assert_eq!(numbers.value(i).to_bits(), number(at).to_bits());
+                }
+                assert_eq!(wholes.is_valid(i), ok || status == Status::OutsideLimits);
+                if wholes.is_valid(i) {
+                    assert_eq!(wholes.value(i) as f64, whole(at).round());
+                }
+                at += 1;
+            }
+        }
+        assert_eq!(at, row);
+    }
+
+    #[test]
+    fn delta_encoding_reads_back_at_every_length() {
+        let folder = tempfile::tempdir().unwrap();
+        for n in [1, 2, 32, 33, 128, 129, 130, 300] {
+            let path = folder.path().join("table.parquet");
+            let layout = Layout {
+                ids: (0..n).map(|i| i.to_string()).collect(),
+                moment: Moment::SunAngles,
+                numbers: vec![Number::new("whole", Scale::Whole)],
+            };
+            let values: Vec<f64> = (0..n)
+                .map(|i| {
+                    if i % 3 == 0 {
+                        -9e15 + i as f64
+                    } else {
+                        (i * i) as f64
+                    }
+                })
+                .collect();
+            let mut writer =
+                TableWriter::create(Destination::File(path.clone()), Format::Parquet, layout)
+                    .unwrap();
+            writer
+                .write(&Rows {
+                    moments: Moments::SunAngles {
+                        azimuth_deg: &[180.0],
+                        elevation_deg: &[45.5],
+                    },
+                    ends: None,
+                    heliostats: None,
+                    numbers: &[&values],
+                    status: &vec![Status::Ok; n],
+                })
+                .unwrap();
+            writer.finish().unwrap();
+            let reader =
+                ParquetRecordBatchReaderBuilder::try_new(File::open(path).unwrap()).unwrap();
+            let batch = reader.build().unwrap().next().unwrap().unwrap();
+            let back: Vec<f64> = batch
+                .column(3)
+                .as_primitive::<Int64Type>()
+                .values()
+                .iter()
+                .map(|&v| v as f64)
+                .collect();
+            assert_eq!(back, values);
+            assert_eq!(batch.column(1).as_primitive::<Float64Type>().value(0), 45.5);
+        }
     }
 }
