@@ -17,13 +17,14 @@ import statistics
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats: TypeAlias = NDArray[np.float64]
 Columns: TypeAlias = dict[str, Floats]
+Kind: TypeAlias = Literal["operating", "outside", "edge"]
 
 COLUMNS = (
     "east_m",
@@ -47,6 +48,7 @@ MIN_COS_INCIDENCE = 1e-6
 TWO_PI = 2.0 * np.pi
 
 SUN_AZIMUTH_DEG, SUN_ELEVATION_DEG = 200.0, 45.0
+NEAR_LIMIT_RAD = 1e-7
 MIN_REPEAT_S = 0.02
 
 
@@ -150,9 +152,15 @@ class Plain(NamedTuple):
 
 
 def evaluate_plain(
-    columns: Columns, sun_angles_rad: tuple[float, float], dtype: type[np.floating[Any]] = np.float64
+    columns: Columns,
+    sun_angles_rad: tuple[float, float],
+    dtype: type[np.floating[Any]] = np.float64,
+    over_the_top: bool = False,
 ) -> Plain:
-    """The reduced form written for reading; with ``np.longdouble`` it is the reference answer."""
+    """The reduced form written for reading; with ``np.longdouble`` it is the reference answer.
+
+    Two solutions differ in the sign of d1: direct, and with the second axis over the top.
+    """
     k = prepare(columns, dtype)
     sun_azimuth, sun_elevation = dtype(sun_angles_rad[0]), dtype(sun_angles_rad[1])
     sun_east = np.cos(sun_elevation) * np.sin(sun_azimuth)
@@ -180,7 +188,7 @@ def evaluate_plain(
     c3 = up * cos_tilt + tilt
     d2 = k["sin_mu_sec_tau1"] - k["tan_tau1"] * c3  # (24)
     d1_squared = c1 * c1 + c2 * c2 - d2 * d2  # (23)
-    d1 = np.sqrt(np.maximum(d1_squared, 0))
+    d1 = np.sqrt(np.maximum(d1_squared, 0)) * (-1 if over_the_top else 1)
     azimuth = np.arctan2(c2 * d1 - c1 * d2, c1 * d1 + c2 * d2)  # (25)-(27)
     elevation = np.arctan2(c3 * k["sec_tau1"] - k["tan_tau1_sin_mu"], d1) + k["elevation_reference_rad"]
     encoder = azimuth + k["azimuth_reference_rad"]
@@ -204,7 +212,7 @@ def evaluate_plain(
 # --- the field -----------------------------------------------------------------------------------
 
 
-def _draw(rng: np.random.Generator, n: int, edge: bool) -> Columns:
+def _draw(rng: np.random.Generator, n: int, kind: Kind) -> Columns:
     bearing = np.where(rng.random(n) < 0.6, rng.normal(0.0, 0.7, n), rng.uniform(-np.pi, np.pi, n))
     distance = np.sqrt(rng.uniform(100.0**2, 1500.0**2, n))
     offset = rng.uniform(0.15, 0.4, n)
@@ -212,14 +220,15 @@ def _draw(rng: np.random.Generator, n: int, edge: bool) -> Columns:
     near = rng.random(n) < 0.02
     scale = np.where(near, rng.uniform(15.0, 60.0, n) * offset / np.linalg.norm(level, axis=0), 1.0)
     aim = level * scale
-    if edge:  # aim points nearly behind the mirror, which no tower field has
+    if kind == "edge":  # aim points nearly behind the mirror, which no tower field has
         toward_sun = np.array(Sun.from_angles(np.radians(SUN_AZIMUTH_DEG), np.radians(SUN_ELEVATION_DEG)))
         opposite = rng.random(n) < 0.1
         aim = np.where(opposite, -60.0 * offset * (toward_sun[:, None] + rng.normal(0.0, 0.02, (3, n))), aim)
     one_degree = np.radians(1.0)
     alpha0 = rng.uniform(-10.0, 10.0, n) * one_degree
-    errors = 15.0 if edge else 1.0
-    narrow1, narrow2 = rng.random(n) < 0.01, rng.random(n) < 0.01
+    errors = 15.0 if kind == "edge" else 1.0
+    narrow = 0.0 if kind == "operating" else 0.01
+    narrow1, narrow2 = rng.random(n) < narrow, rng.random(n) < narrow
     start1 = rng.uniform(0.0, np.pi, n)
     return {
         "east_m": aim[0],
@@ -241,42 +250,82 @@ def _draw(rng: np.random.Generator, n: int, edge: bool) -> Columns:
     }
 
 
-def make_field(n: int, seed: int, edge: bool = False) -> Columns:
-    """A tower field, mostly north of the tower; about one row in a hundred lies outside its limits.
+def _solutions(columns: Columns, sun: tuple[float, float]) -> tuple[Plain, NDArray[np.bool_], NDArray[np.bool_]]:
+    """The answers; rows that come within ``NEAR_LIMIT_RAD`` of a limit; rows that the solution over the top serves.
+
+    Peers know the direct solution only. A tracker that also turns over the top answers a row whose direct
+    solution lies outside the limits and whose other one does not.
+    """
+    limits = {"axis1_min_rad": 0.0, "axis1_max_rad": TWO_PI, "axis2_min_rad": -np.inf, "axis2_max_rad": np.inf}
+    free = columns | {name: np.full_like(columns["east_m"], limit) for name, limit in limits.items()}
+    direct, other = evaluate_plain(free, sun).answers, evaluate_plain(free, sun, over_the_top=True).answers
+    near = np.zeros(len(direct.status), np.bool_)
+    within = other.status == OK
+    for angle, other_angle, axis in (
+        (direct.azimuth_rad, other.azimuth_rad, "axis1"),
+        (direct.elevation_rad, other.elevation_rad, "axis2"),
+    ):
+        low, high = columns[f"{axis}_min_rad"], columns[f"{axis}_max_rad"]
+        inside = np.zeros_like(near)
+        for turn in (-TWO_PI, 0.0, TWO_PI):
+            near |= np.abs(angle + turn - low) < NEAR_LIMIT_RAD
+            near |= np.abs(angle + turn - high) < NEAR_LIMIT_RAD
+            near |= np.abs(other_angle + turn - low) < NEAR_LIMIT_RAD
+            near |= np.abs(other_angle + turn - high) < NEAR_LIMIT_RAD
+            inside |= (other_angle + turn >= low) & (other_angle + turn <= high)
+        within &= inside
+    plain = evaluate_plain(columns, sun)
+    return plain, near, within & (plain.answers.status == OUTSIDE_LIMITS)
+
+
+def make_field(n: int, seed: int, kind: Kind = "operating") -> Columns:
+    """A tower field, mostly north of the tower.
+
+    ``operating``: every row has limits of its own and lies within them. ``outside``: about one row in a
+    hundred lies outside its limits. ``edge``: full of statuses, for checking and not for timing.
 
     Rows where arccos or arcsin lose digits are drawn again, so that the printed formula can be held
     to the same tolerance as the others: incidence below 0.5 degrees, azimuth (before its encoder
     reference) within 3 mrad of 0 or 180 degrees, mirror within 5 mrad of face up or of unreachable,
-    and grazing incidence (80 to 89.7 degrees, where the sun is about to oppose the aim).
-    ``edge`` makes a field full of statuses instead, for checking and not for timing.
+    and grazing incidence (80 to 89.7 degrees, where the sun is about to oppose the aim). So are rows
+    whose status rounding could decide, and those that only the solution over the top serves.
     """
     rng = np.random.Generator(np.random.PCG64(seed))
     sun = (float(np.radians(SUN_AZIMUTH_DEG)), float(np.radians(SUN_ELEVATION_DEG)))
-    columns = _draw(rng, n, edge)
+    columns = _draw(rng, n, kind)
     while True:
-        plain = evaluate_plain(columns, sun)
+        plain, near, over_the_top = _solutions(columns, sun)
         aim = np.stack([columns["east_m"], columns["north_m"], columns["up_m"]])
         cos_two_theta = np.array(Sun.from_angles(*sun)) @ (aim / np.linalg.norm(aim, axis=0))
         theta_deg = np.degrees(0.5 * np.arccos(np.clip(cos_two_theta, -1, 1)))
         poor = (theta_deg < 0.5) | ((theta_deg > 80.0) & (theta_deg < 89.7))
         poor |= np.abs(np.sin(plain.axis_azimuth_rad)) < 3e-3
         poor |= np.abs(plain.d1_squared) < 2.5e-5
+        poor |= near | over_the_top
+        if kind == "operating":
+            poor |= plain.answers.status != OK
         count = int(np.count_nonzero(poor))
         if count == 0:
-            return columns
-        fresh = _draw(rng, count, edge)
+            break
+        fresh = _draw(rng, count, kind)
         for name, column in columns.items():
             column[poor] = fresh[name]
+    if kind == "operating":  # a range of axis 1 for each heliostat, around where it is to point
+        azimuth = plain.answers.azimuth_rad
+        columns["axis1_min_rad"] = azimuth * rng.uniform(0.0, 0.9, n)
+        columns["axis1_max_rad"] = TWO_PI - (TWO_PI - azimuth) * rng.uniform(0.0, 0.9, n)
+    return columns
 
 
-def write_field(path: Path, n: int, seed: int, edge: bool = False) -> None:
-    columns = make_field(n, seed, edge)
+def write_field(path: Path, n: int, seed: int, kind: Kind = "operating") -> None:
+    columns = make_field(n, seed, kind)
     with path.open("wb") as file:
         for name in COLUMNS:
             file.write(columns[name].astype("<f8").tobytes())
     about = {
         "n": n,
         "seed": seed,
+        "kind": kind,
         "sun_azimuth_rad": float(np.radians(SUN_AZIMUTH_DEG)),
         "sun_elevation_rad": float(np.radians(SUN_ELEVATION_DEG)),
     }

@@ -116,6 +116,8 @@ __attribute__((noinline)) static void copy_pass(double *a, double *b, size_t cou
 ARITHMETIC(fma_pass, FMA(x[j], y, y))
 ARITHMETIC(divide_pass, DIVIDE(y, x[j]))
 ARITHMETIC(sqrt_pass, SQRT(x[j]))
+/* Every unit at work: half multiply-adds, half additions. */
+ARITHMETIC(mixed_pass, j % 2 ? ADD(x[j], y) : FMA(x[j], y, y))
 
 /* Best seconds for one pass of every thread over its own `count` doubles. */
 static double best(pass *run, size_t count, int threads, int arrays)
@@ -175,7 +177,8 @@ int main(int argc, char **argv)
     const double copied = 2e-9 * (double)threads * (double)large / best(copy_pass, large / sizeof(double), threads, 2);
     printf("}, \"streaming_copy_gb_per_s\": %.1f, \"ns_per_8_doubles\": {", copied);
     const double eights = (double)threads * (double)operations / 8.0 * 1e-9;
-    printf("\"fma\": %.3f, ", best(fma_pass, operations, threads, 0) / eights);
+    printf("\"fma\": %.4f, ", best(fma_pass, operations, threads, 0) / eights);
+    printf("\"mixed\": %.4f, ", best(mixed_pass, operations, threads, 0) / eights);
     printf("\"divide\": %.3f, ", best(divide_pass, operations, threads, 0) / eights);
     printf("\"sqrt\": %.3f}}\n", best(sqrt_pass, operations, threads, 0) / eights);
     return 0;

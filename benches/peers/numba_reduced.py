@@ -10,7 +10,7 @@ import numpy as np
 import common
 
 
-@numba.njit(parallel=True, fastmath=False, error_model="numpy")
+@numba.njit(parallel=True, fastmath=False, error_model="numpy", cache=True)
 def track(
     sun_east: float,
     sun_north: float,

@@ -181,7 +181,7 @@ pub fn inverse(
     let x = (sin_tau1 - c * sin_mu) / across_sq;
     let y = (sin_mu - c * sin_tau1) / across_sq;
     let z_sq = (1.0 - x * sin_tau1 - y * sin_mu) / across_sq;
-    if !(z_sq >= 0.0) {
+    if z_sq.is_nan() || z_sq < 0.0 {
         return None;
     }
     let z = z_sq.sqrt();

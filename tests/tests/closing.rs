@@ -1,5 +1,11 @@
 //! Inverse then forward gives the wanted normal back; and forward is the mount's own turning.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stderr,
+    reason = "tests fail and talk"
+)]
+
 use std::f64::consts::TAU;
 
 use helio_core::{Heliostat, OffsetForm, Status, Tracker};
@@ -140,7 +146,7 @@ fn inverse_then_forward_closes_the_normal() {
             ("incidence", &left.incidence),
         ] {
             eprintln!("  {what} {worst}");
-            if !(worst.value < BAR) {
+            if worst.value.is_nan() || worst.value >= BAR {
                 failed.push(format!("{kind:?} {what}: {worst}"));
             }
         }

@@ -1,5 +1,11 @@
 //! Drives: the published examples, both ways, and one triangle in two forms.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stderr,
+    reason = "tests fail and talk"
+)]
+
 use std::f64::consts::PI;
 
 use helio_core::drive::{Drive, EncoderDrive, ScrewGeometry, TriangleDrive, TriangleGeometry};

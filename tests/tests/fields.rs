@@ -1,5 +1,11 @@
 //! Real layouts: every heliostat of Dunhuang and NSTTF sends its beam to its aim.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stderr,
+    reason = "tests fail and talk"
+)]
+
 use std::path::Path;
 
 use helio_core::{EnuUnit, OffsetForm, Status, TrackOptions, Tracker, Tracking};

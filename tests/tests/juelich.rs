@@ -1,5 +1,11 @@
 //! Jülich, uncalibrated: motor steps through drive, mount and reflection to the spot.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stderr,
+    reason = "tests fail and talk"
+)]
+
 use helio_core::drive::{TriangleDrive, TriangleGeometry};
 use helio_core::tracking::Prediction;
 use helio_core::{
@@ -19,10 +25,10 @@ fn published(text: &str) -> Vec<(String, usize, f64)> {
         if cells[0] == "heliostat" {
             let at = |name| cells.iter().position(|c| *c == name);
             columns = at("records").zip(at("start"));
-        } else if let Some((records, start)) = columns {
-            if let (Ok(records), Ok(start)) = (cells[records].parse(), cells[start].parse()) {
-                rows.push((cells[0].to_owned(), records, start));
-            }
+        } else if let Some((records, start)) = columns
+            && let (Ok(records), Ok(start)) = (cells[records].parse(), cells[start].parse())
+        {
+            rows.push((cells[0].to_owned(), records, start));
         }
     }
     rows

@@ -1,5 +1,11 @@
 //! What the papers print.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stderr,
+    reason = "tests fail and talk"
+)]
+
 use helio_core::offset::tau_by_quartic_rad;
 use helio_core::tracking::Prediction;
 use helio_core::{

@@ -1,5 +1,11 @@
 //! The same bits for every instruction set, number of threads, batch size and grouping of suns.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stderr,
+    reason = "tests fail and talk"
+)]
+
 use helio_core::{
     AxisLimits, EnuUnit, Field, Heliostat, OffsetForm, Present, SimdLevel, Status, TrackOptions,
     Tracker, Tracking, TrackingMode,

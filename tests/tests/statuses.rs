@@ -1,5 +1,11 @@
 //! Statuses against an independent classifier.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stderr,
+    reason = "tests fail and talk"
+)]
+
 use std::f64::consts::TAU;
 
 use helio_core::tracking::Prediction;

@@ -1,5 +1,11 @@
 //! Where a beam lands: u to the right, v down, and what is a miss.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stderr,
+    reason = "tests fail and talk"
+)]
+
 use helio_core::tracking::Prediction;
 use helio_core::{
     Enu, EnuUnit, Heliostat, OffsetForm, SimdLevel, Status, TargetPlane, TrackOptions, Tracker,

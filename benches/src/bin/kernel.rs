@@ -1,52 +1,62 @@
-//! Times the tracking kernel on the peers' input: `kernel FILE [THREADS [REPEATS [ANSWERS]]]`.
+//! Times the tracking kernel on an input file of the peers.
+//!
+//! ```text
+//! kernel --input FILE [--threads T] [--repeat R] [--level scalar|avx2|avx512]
+//!        [--offset exact|approximate|iterated:N|none] [--output ANSWERS]
+//! ```
 #![allow(clippy::print_stdout)]
 
-use std::io::Write;
+use std::hint::black_box;
 use std::path::Path;
 
-use helio_bench::{nanoseconds, read_peer_input};
-use helio_core::{OffsetForm, SimdLevel, TrackOptions, Tracker, Tracking};
+use helio_bench::{Nanoseconds, Options, PeerInput, write_answers};
+use helio_core::{OffsetForm, Status, TrackOptions, Tracker, Tracking};
+
+const KNOWN: [&str; 6] = ["input", "threads", "repeat", "level", "offset", "output"];
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let number = |index: usize, default: usize| {
-        arguments
-            .get(index)
-            .map_or(Ok(default), |text| text.parse::<usize>())
+    let options = Options::from_arguments(&KNOWN)?;
+    let input = PeerInput::read(options.path("input")?)?;
+    let level = options.level()?;
+    let offset = offset_form(options.text("offset").unwrap_or("exact"))?;
+    let track_options = TrackOptions {
+        threads: options.number("threads", 1)?,
+        level: Some(level),
     };
-    let path = arguments.first().ok_or("give the input file")?;
-    let input = read_peer_input(Path::new(path))?;
-    let (threads, repeats) = (number(1, 1)?, number(2, 11)?);
-    let tracker = Tracker::new(&input.field, OffsetForm::Exact)?;
-    for &level in SimdLevel::available().iter().rev() {
-        let options = TrackOptions {
-            threads,
-            level: Some(level),
-        };
-        let mut out = Tracking::default();
-        let suns = [input.sun];
-        tracker.track_into(&suns, None, &options, &mut out)?;
-        let (least, median) = nanoseconds(repeats, || {
-            let _ = std::hint::black_box(tracker.track_into(&suns, None, &options, &mut out));
-        });
-        let n = tracker.len() as f64;
-        println!(
-            "{{\"peer\": \"helio-core {level}\", \"n\": {n}, \"threads\": {threads}, \
-             \"ns_per_heliostat_min\": {:.4}, \"ns_per_heliostat_median\": {:.4}}}",
-            least / n,
-            median / n
-        );
-        if let (Some(answers), true) = (arguments.get(3), level == SimdLevel::best()) {
-            let mut file = std::io::BufWriter::new(std::fs::File::create(answers)?);
-            for column in [out.axis1_rad(), out.axis2_rad(), out.incidence_rad()] {
-                for value in column {
-                    file.write_all(&value.to_le_bytes())?;
-                }
-            }
-            for status in out.status() {
-                file.write_all(&[status.code()])?;
-            }
+    let tracker = Tracker::new(&input.field()?, offset)?;
+    let suns = [input.sun];
+    let mut out = Tracking::default();
+    tracker.track_into(&suns, None, &track_options, &mut out)?;
+    if let Some(path) = options.text("output") {
+        let codes: Vec<u8> = out.status().iter().map(|&status| status.code()).collect();
+        let columns = [out.axis1_rad(), out.axis2_rad(), out.incidence_rad()];
+        write_answers(Path::new(path), &columns, &codes)?;
+    }
+    let time = Nanoseconds::of(options.number("repeat", 11)?, || {
+        let _ = black_box(tracker.track_into(&suns, None, &track_options, &mut out));
+    });
+    let rows_not_ok = out.status().iter().filter(|&&s| s != Status::Ok).count();
+    println!(
+        "{{\"peer\": \"helio_rs\", \"version\": \"{} {level}\", \"n\": {}, \"threads\": {}, \
+         \"rows_not_ok\": {rows_not_ok}, \"ns_per_heliostat\": {}}}",
+        env!("CARGO_PKG_VERSION"),
+        tracker.len(),
+        track_options.threads,
+        time.json(tracker.len())
+    );
+    Ok(())
+}
+
+fn offset_form(text: &str) -> Result<OffsetForm, String> {
+    let wrong =
+        || format!("--offset: expected exact, approximate, iterated:N or none, got {text:?}");
+    match text {
+        "exact" => Ok(OffsetForm::Exact),
+        "approximate" => Ok(OffsetForm::Approximate),
+        "none" => Ok(OffsetForm::None),
+        _ => {
+            let count = text.strip_prefix("iterated:").ok_or_else(wrong)?;
+            count.parse().map(OffsetForm::Iterated).map_err(|_| wrong())
         }
     }
-    Ok(())
 }

@@ -6,7 +6,6 @@ use super::prepared::Base;
 use super::{TrackOptions, Tracker, check_len, checked_level, kernel};
 use crate::error::TrackError;
 use crate::frame::{Enu, EnuUnit, TargetPlane};
-use crate::lanes::math::MAX_ANGLE_RAD;
 use crate::mount::MountAxes;
 use crate::status::Status;
 
@@ -203,16 +202,7 @@ impl Tracker {
     fn check_angles(&self, axis1_rad: &[f64], axis2_rad: &[f64]) -> Result<(), TrackError> {
         for (what, column) in [("axis1_rad", axis1_rad), ("axis2_rad", axis2_rad)] {
             check_len(what, self.len(), column.len())?;
-            let bad = |angle: &f64| angle.is_nan() || angle.abs() > MAX_ANGLE_RAD;
-            if let Some(row) = column.iter().position(bad) {
-                let (limit, value) = (MAX_ANGLE_RAD, column[row]);
-                return Err(TrackError::BadAngle {
-                    what,
-                    row,
-                    limit,
-                    value,
-                });
-            }
+            super::check_angles(what, column, false)?;
         }
         Ok(())
     }

@@ -17,6 +17,7 @@ use crate::error::TrackError;
 use crate::field::Field;
 use crate::frame::EnuUnit;
 use crate::lanes::SimdLevel;
+use crate::lanes::math::MAX_ANGLE_RAD;
 use crate::offset::{MAX_ITERATIONS, OffsetForm};
 use crate::status::Status;
 
@@ -219,6 +220,7 @@ impl Tracker {
     ///
     /// # Errors
     /// [`TrackError::LengthMismatch`] if `present` has another length than the field,
+    /// [`TrackError::BadAngle`] if an angle of it is infinite or beyond ±1e5 rad,
     /// [`TrackError::LevelUnavailable`] for an instruction set that this processor lacks.
     pub fn track_into(
         &self,
@@ -234,6 +236,7 @@ impl Tracker {
                 ("present axis2_rad", present.axis2_rad),
             ] {
                 check_len(what, self.len(), column.len())?;
+                check_angles(what, column, true)?;
             }
         }
         self.fill(suns, present, level, options.threads, out);
@@ -432,6 +435,21 @@ fn checked_level(level: Option<SimdLevel>) -> Result<SimdLevel, TrackError> {
         None => Ok(SimdLevel::best()),
         Some(level) if SimdLevel::available().contains(&level) => Ok(level),
         Some(level) => Err(TrackError::LevelUnavailable { level }),
+    }
+}
+
+/// Refuses angles that are infinite or too large to have a direction; NaN only if it may stand for
+/// "not known".
+fn check_angles(what: &'static str, column: &[f64], nan_allowed: bool) -> Result<(), TrackError> {
+    let good = |angle: &f64| angle.abs() <= MAX_ANGLE_RAD || (nan_allowed && angle.is_nan());
+    match column.iter().position(|angle| !good(angle)) {
+        None => Ok(()),
+        Some(row) => Err(TrackError::BadAngle {
+            what,
+            row,
+            limit: MAX_ANGLE_RAD,
+            value: column[row],
+        }),
     }
 }
 

@@ -4,6 +4,7 @@ use alloc::vec::Vec;
 use core::f64::consts::{PI, TAU};
 
 use super::kernel::limits::{AxisRange, Limits};
+use super::kernel::normal::MAX_SERIES_RATIO;
 use crate::field::Field;
 use crate::frame::{Enu, EnuUnit};
 use crate::lanes::{BLOCK, Columns};
@@ -35,7 +36,7 @@ pub(crate) mod column {
     pub const D2_SHIFT: usize = 9;
     /// tan(tau1).
     pub const D2_FACTOR: usize = 10;
-    /// 1/cos(mu).
+    /// 1/cos(mu); negative to mark a row that is not for the fast path.
     pub const COSINE_FACTOR: usize = 11;
     /// gamma0 less the middle of the first axis' window.
     pub const SHIFT1: usize = 12;
@@ -92,16 +93,12 @@ impl Prepared {
             let to_aim = h.aim - h.pivot;
             let slant_m = to_aim.norm();
             let at_pivot = !(slant_m > h.mirror_offset_m.abs() && slant_m >= MIN_SLANT_M);
-            let unit = if at_pivot {
-                None
-            } else {
-                EnuUnit::try_new(to_aim).ok()
-            };
-            let direction = unit.unwrap_or(EnuUnit::UP);
-            let ratio = if unit.is_some() {
-                h.mirror_offset_m / slant_m
-            } else {
+            // The axes of a target-oriented mount point there all the same.
+            let direction = EnuUnit::try_new(to_aim).unwrap_or(EnuUnit::UP);
+            let ratio = if at_pivot {
                 AT_PIVOT
+            } else {
+                h.mirror_offset_m / slant_m
             };
             let mount = match shared {
                 Some(mount) => mount,
@@ -125,13 +122,11 @@ impl Prepared {
             let range2 = AxisRange::of_axis2(&h.limits, e.elevation_reference_rad);
             let shift1 = e.azimuth_reference_rad - range1.middle;
             let mut shift2 = e.elevation_reference_rad - range2.middle;
-            let mut fast_reach2 = range2.reach;
+            let mut fast = ratio.abs() <= MAX_SERIES_RATIO;
             if range2.middle != 0.0 || range2.reach.is_finite() {
                 shift2 -= TAU * libm::rint(shift2 / TAU);
-                // The fast path does not wrap the second axis: leave it the rows that need none.
-                if shift2.abs() > PI / 2.0 {
-                    fast_reach2 = -1.0;
-                }
+                // The fast path does not wrap the second axis: it has the rows that need none.
+                fast &= shift2.abs() <= PI / 2.0;
             }
             let (sin_tilt, cos_tilt) = libm::sincos(e.pedestal_tilt_rad);
             let tan_half_tilt = sin_tilt / (1.0 + cos_tilt);
@@ -150,7 +145,7 @@ impl Prepared {
                 -(sin_tau1 / cos_tau1) * (sin_mu / cos_mu),
                 sin_mu / cos_tau1,
                 sin_tau1 / cos_tau1,
-                1.0 / cos_mu,
+                if fast { 1.0 / cos_mu } else { -1.0 / cos_mu },
                 shift1,
                 shift2,
             ];
@@ -158,7 +153,7 @@ impl Prepared {
             for (column, value) in block.iter_mut().zip(values) {
                 column[row % BLOCK] = value;
             }
-            limits.push([range1.middle, range1.reach, range2.middle, fast_reach2]);
+            limits.push([range1.middle, range1.reach, range2.middle, range2.reach]);
             ranges.push([range1, range2]);
         }
         // The padding repeats the last heliostat: whatever path it takes, so do its neighbours.

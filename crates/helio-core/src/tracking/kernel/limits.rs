@@ -166,14 +166,16 @@ impl LimitSource for PerHeliostat<'_> {
     }
 }
 
-/// The representative within half a turn of an angle counted from a middle. The ends are drawn in
-/// by rounding's share, so that a middle of π gives [0, 2π).
+/// The representative within half a turn of an angle counted from a middle. The upper end is drawn in
+/// by a few roundings' width and the lower one kept, so that a middle of π gives [0, 2π).
 #[inline(always)]
 pub(crate) fn within_half_turn<L: Lanes>(from_middle: L) -> L {
-    let turns = from_middle.mul(L::splat(1.0 / TAU)).round();
-    let wrapped = turns.neg_mul_add(L::splat(TAU), from_middle);
-    wrapped
-        .min(L::splat(PI - 4.0 * f64::EPSILON))
+    const DRAWN_IN: f64 = 2.0 * f64::EPSILON;
+    let turns = from_middle
+        .mul_add(L::splat(1.0 / TAU), L::splat(DRAWN_IN))
+        .round();
+    turns
+        .neg_mul_add(L::splat(TAU), from_middle)
         .max(L::splat(-PI))
 }
 
@@ -206,5 +208,28 @@ impl<L: Lanes> AxisEnds<L> {
         let known = present.le(L::splat(f64::INFINITY));
         let inside = self.low.le(near).and(near.le(self.high)).and(known);
         L::select(inside, near, home)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::angle::wrap_tau;
+
+    // Against the one wrapping that is written for people, within rounding and on the circle.
+    #[test]
+    fn a_middle_of_half_a_turn_gives_the_full_turn_from_zero() {
+        let mut angles: Vec<f64> = (-40_000..40_000).map(|k| f64::from(k) * 5e-4).collect();
+        for turn in -3..=3 {
+            for ulps in -40..=40 {
+                angles.push(f64::from(turn) * PI + f64::from(ulps) * 1.1e-16);
+            }
+        }
+        for angle in angles {
+            let wrapped = within_half_turn(angle - PI) + PI;
+            assert!((0.0..TAU).contains(&wrapped), "{angle:e}: {wrapped:e}");
+            let apart = (wrapped - wrap_tau(angle)).abs();
+            assert!(apart.min(TAU - apart) < 8e-15, "{angle}: {wrapped}");
+        }
     }
 }

@@ -221,9 +221,12 @@ impl<O: OffsetSource, M: LimitSource, S: SunSource> Job<'_, O, M, S> {
         let present = present.map(|p| [p.axis1[out_row], p.axis2[out_row]]);
         let (block, lane) = (field_row / BLOCK, field_row % BLOCK);
         let constants = &self.constants[block];
+        let mut row_constants: [f64; column::COUNT] =
+            core::array::from_fn(|which| constants.0[which][lane]);
+        row_constants[column::COSINE_FACTOR] = row_constants[column::COSINE_FACTOR].abs();
         queue.push(queue::Entry {
             out_row,
-            constants: core::array::from_fn(|which| constants.0[which][lane]),
+            constants: row_constants,
             half_sun: self.sun.half_sun::<f64>(block, lane),
             ranges: self.prepared.ranges[field_row],
             ends: AxisEnds::of(&self.prepared.axis_limits[field_row]),

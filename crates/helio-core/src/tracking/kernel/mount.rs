@@ -115,10 +115,8 @@ pub(crate) fn alpha<L: Lanes>(
     d1: L,
     sin_alpha: L,
 ) -> Reduced<L> {
-    Reduced::half(
-        d1.mul(L::load(constants, lane, column::COSINE_FACTOR)),
-        sin_alpha,
-    )
+    let factor = L::load(constants, lane, column::COSINE_FACTOR);
+    Reduced::half(d1.mul(factor), sin_alpha)
 }
 
 /// The normal along the mount's axes for gamma and alpha, Guo 2015 eq. (29).
@@ -130,7 +128,7 @@ pub(crate) fn forward<L: Lanes>(constants: &Constants, lane: usize, angles: [L; 
     let c3 = sin_alpha
         .sub(L::load(constants, lane, column::SINE_SHIFT))
         .div(L::load(constants, lane, column::SINE_FACTOR));
-    let d1 = cos_alpha.div(L::load(constants, lane, column::COSINE_FACTOR));
+    let d1 = cos_alpha.div(L::load(constants, lane, column::COSINE_FACTOR).abs());
     let d2 = L::load(constants, lane, column::D2_FACTOR)
         .neg_mul_add(c3, L::load(constants, lane, column::D2_SHIFT));
     let c1 = sin_gamma.neg_mul_add(d2, cos_gamma.mul(d1));

@@ -5,7 +5,7 @@ use core::f64::consts::FRAC_1_SQRT_2;
 use crate::lanes::{Lanes, Mask};
 
 /// Largest |Hz/L| that the series of [`Exact`] is good for to the last digit.
-const MAX_SERIES_RATIO: f64 = 1.0 / 12.0;
+pub(crate) const MAX_SERIES_RATIO: f64 = 1.0 / 12.0;
 
 /// Least cosine of the incidence at the mirror: beyond, the sun is edge-on or behind.
 pub(crate) const MIN_COS_INCIDENCE: f64 = 1e-6;
@@ -59,19 +59,13 @@ pub(crate) trait OffsetSource: Copy {
     ) -> Normal<L>;
 }
 
-/// Negative, or with the sign bit set, for rows that are not for the fast path: the offset is too large for
-/// the series, or the sun may be edge-on or behind.
+/// Negative where the sun may be edge-on or behind: the exact judgement is made elsewhere.
 ///
-/// s·n = C cos(theta) - k sin²(theta) is bounded from below for |h| <= 1/12, where C > 0.7 and |k| < 0.55 |h|;
-/// a few rows just short of 90° are so left to be judged to the last digit elsewhere.
+/// s·n = C cos(theta) - k sin²(theta), with C > 0.99 and |k| < 0.046 for |h| <= 1/12: beyond 87.3° alone is
+/// there a doubt.
 #[inline(always)]
-pub(crate) fn doubt<L: Lanes>(ratio: L, cos_theta: L) -> L {
-    let size = ratio.abs();
-    let near = L::splat(MAX_SERIES_RATIO).sub(size);
-    let lit = size
-        .neg_mul_add(L::splat(0.55), cos_theta.mul(L::splat(0.7)))
-        .sub(L::splat(MIN_COS_INCIDENCE));
-    near.or(lit)
+pub(crate) fn doubt<L: Lanes>(cos_theta: L) -> L {
+    cos_theta.sub(L::splat(0.047))
 }
 
 /// Half sum and half difference of the unit vectors: their lengths *are* cos(theta) and

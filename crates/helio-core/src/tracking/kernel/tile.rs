@@ -195,8 +195,11 @@ impl<O: OffsetSource, M: LimitSource, S: SunSource> Job<'_, O, M, S> {
                     L::read(&n3[lane..]),
                 ];
                 let pose = pose::<L>(c, lane, n);
-                let ratio = L::load(c, lane, column::RATIO);
-                let doubt = doubt(ratio, L::read(&t.cos_theta[lane..])).or(pose.doubt());
+                // A factor with the sign bit set marks a row that is never for this path.
+                let marked = L::load(c, lane, column::COSINE_FACTOR);
+                let doubt = doubt(L::read(&t.cos_theta[lane..]))
+                    .or(pose.doubt())
+                    .or(marked);
                 pose.c1.write(&mut t.c1[lane..]);
                 pose.c2.write(&mut t.c2[lane..]);
                 pose.d2.write(&mut t.d2[lane..]);

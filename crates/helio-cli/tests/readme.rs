@@ -1,0 +1,96 @@
+//! What README and manual tell people to type, typed.
+//!
+//! Every `helio-rs …` and `cargo run … -- …` line of their ```sh blocks runs, page by page, in a copy
+//! of the examples and must be good; lines of a ```text block after it must stand in what it said.
+
+// Test helpers fail loudly; the lint knows only functions that are tests themselves.
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use std::path::{Path, PathBuf};
+
+use common::Folder;
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// The arguments of a line that runs the program, and the file that takes its standard output.
+fn arguments(line: &str) -> Option<(Vec<&str>, Option<&str>)> {
+    let line = line.split(" #").next().unwrap_or_default();
+    let rest = match line.strip_prefix("helio-rs ") {
+        Some(rest) => rest,
+        None if line.starts_with("cargo run ") => line.split_once(" -- ")?.1,
+        None => return None,
+    };
+    let (rest, file) = match rest.split_once(" > ") {
+        Some((rest, file)) => (rest, Some(file.trim())),
+        None => (rest, None),
+    };
+    Some((rest.split_whitespace().collect(), file))
+}
+
+/// Runs a page; the number of commands and of lines of output that were looked for.
+fn run(page: &Path) -> (usize, usize) {
+    let folder = Folder::empty();
+    std::fs::create_dir(folder.path().join("examples")).unwrap();
+    for name in ["field.toml", "heliostats.csv"] {
+        let from = root().join("examples").join(name);
+        std::fs::copy(from, folder.path().join("examples").join(name)).unwrap();
+    }
+    let text = std::fs::read_to_string(page).unwrap().replace("\\\n", " ");
+    let (mut commands, mut looked_for) = (0, 0);
+    let mut block = None;
+    let mut said = String::new();
+    for (index, line) in text.lines().enumerate() {
+        let place = || format!("{}, line {} or so: {line}", page.display(), index + 1);
+        if let Some(kind) = line.trim_start().strip_prefix("```") {
+            block = if block.is_some() { None } else { Some(kind) };
+            if block == Some("sh") {
+                said.clear();
+            }
+            continue;
+        }
+        match block {
+            Some("sh") => {
+                let Some((args, file)) = arguments(line) else {
+                    continue;
+                };
+                let run = folder.run(&args);
+                said += &run.stderr();
+                let out = run.good();
+                match file {
+                    Some(file) => folder.write(file, out),
+                    None => said += &out,
+                }
+                commands += 1;
+            }
+            Some("text") if !said.is_empty() && !line.trim().is_empty() && line != "..." => {
+                assert!(said.lines().any(|l| l == line), "{}\n{said}", place());
+                looked_for += 1;
+            }
+            _ => {}
+        }
+    }
+    assert!(block.is_none(), "{}: a block stays open", page.display());
+    (commands, looked_for)
+}
+
+#[test]
+fn the_readme_runs() {
+    let (commands, looked_for) = run(&root().join("README.md"));
+    assert!(commands >= 6 && looked_for >= 4, "{commands} {looked_for}");
+}
+
+#[test]
+fn the_manual_runs() {
+    let mut commands = 0;
+    for entry in std::fs::read_dir(root().join("docs")).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_some_and(|e| e == "md") {
+            commands += run(&path).0;
+        }
+    }
+    assert!(commands >= 15, "{commands}");
+}
