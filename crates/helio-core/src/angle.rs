@@ -39,8 +39,6 @@ pub fn wrap_pi(angle_rad: f64) -> f64 {
 
 /// Degrees to radians: the one conversion used at every edge where people write degrees.
 ///
-/// Whole turns and quarter turns come out as the doubles nearest to them.
-///
 /// ```
 /// use helio_core::angle::radians;
 /// assert_eq!(radians(180.0), std::f64::consts::PI);

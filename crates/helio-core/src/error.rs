@@ -16,7 +16,7 @@ pub enum FrameError {
     },
 }
 
-/// A field or a drive that cannot be built from what was given.
+/// A field that cannot be built from what was given.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FieldError {
@@ -81,6 +81,12 @@ pub enum TrackError {
         limit: f64,
         /// What was given.
         value: f64,
+    },
+    /// A sun that is not a direction: it was made from angles that are not finite.
+    #[error("sun {row} (counted from 0) must be a direction, but its angles were not finite")]
+    BadSun {
+        /// Which of the suns.
+        row: usize,
     },
     /// An instruction-set level that this processor does not have was asked for.
     #[error("instruction set {level} is not available on this processor")]

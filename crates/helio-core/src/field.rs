@@ -189,6 +189,12 @@ fn check(id: &str, heliostat: &Heliostat) -> Result<(), FieldError> {
         ("axis1", l.axis1_min_rad, l.axis1_max_rad),
         ("axis2", l.axis2_min_rad, l.axis2_max_rad),
     ] {
+        let too_far = |limit: f64| limit.is_finite() && limit.abs() > MAX_LIMIT_RAD;
+        for value in [min_rad, max_rad] {
+            if too_far(value) {
+                return Err(bad(axis, "limits within ±1e5 rad, or infinite", value));
+            }
+        }
         if min_rad.is_nan()
             || max_rad.is_nan()
             || min_rad > max_rad
@@ -208,5 +214,7 @@ fn check(id: &str, heliostat: &Heliostat) -> Result<(), FieldError> {
 
 /// Largest non-orthogonality and mirror tilt accepted \[rad\].
 const MAX_SKEW_RAD: f64 = 1.4;
+/// Largest finite limit accepted \[rad\]: some 16,000 turns, beyond which angles lose their digits.
+const MAX_LIMIT_RAD: f64 = 1e5;
 /// Largest pedestal tilt accepted \[rad\]: at π the parametrisation by lean and direction ends.
 const MAX_TILT_RAD: f64 = 3.0;

@@ -121,6 +121,7 @@ impl EnuUnit {
     /// let east = EnuUnit::from_azimuth_elevation(90_f64.to_radians(), 0.0);
     /// assert!((east.as_enu().east - 1.0).abs() < 1e-15);
     /// ```
+    /// Angles that are not finite give a direction that no function accepts.
     #[must_use]
     pub fn from_azimuth_elevation(azimuth_rad: f64, elevation_rad: f64) -> Self {
         let (sin_azimuth, cos_azimuth) = libm::sincos(azimuth_rad);

@@ -154,7 +154,8 @@ impl TriangleDrive {
         Ok(self)
     }
 
-    /// The same drive with mechanical stops at two axis angles \[rad\].
+    /// The same drive with mechanical stops at two axis angles \[rad\]. They narrow the range that a
+    /// heliostat is given as limits; a conversion beyond them is still the mechanism's.
     ///
     /// # Errors
     /// [`DriveError::BadValue`] if the range is empty or NaN.

@@ -28,7 +28,8 @@ pub enum TrackingMode {
         axis_azimuth_rad: f64,
     },
     /// Fixed axis toward the elevated pole. In the northern hemisphere axis 1 is the hour angle of
-    /// the normal (west positive) and axis 2 its declination.
+    /// the normal (west positive) and axis 2 its declination; in the southern, where the mount is the
+    /// same turned half round, axis 1 is minus the hour angle and axis 2 minus the declination.
     Polar {
         /// Latitude of the site \[rad\], north positive.
         latitude_rad: f64,
@@ -129,7 +130,8 @@ pub struct AxisLimits {
 }
 
 impl AxisLimits {
-    /// No limits: the direct solution, with axis 1 in [0, 2π).
+    /// No limits: the direct solution, with axis 1 in [0, 2π) unless a present position is given,
+    /// which it then turns on from.
     pub const NONE: Self = Self {
         axis1_min_rad: f64::NEG_INFINITY,
         axis1_max_rad: f64::INFINITY,

@@ -118,6 +118,7 @@ impl Tracker {
         out: &mut Prediction,
     ) -> Result<(), TrackError> {
         let level = checked_level(options.level)?;
+        super::check_suns(&[sun])?;
         check_len("planes", self.len(), planes.len())?;
         let finite = |column: &[f64]| -> Vec<f64> {
             column
@@ -131,7 +132,7 @@ impl Tracker {
         out.clear();
         for row in 0..self.len() {
             let known = !(axis1_rad[row].is_nan() || axis2_rad[row].is_nan());
-            let spot = if sun.as_enu().up < 0.0 {
+            let spot = if !super::is_up(sun) {
                 Err(Status::SunBelowHorizon)
             } else if known {
                 self.spot(row, sun, normals[row], &planes[row])

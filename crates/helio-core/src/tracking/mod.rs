@@ -198,7 +198,8 @@ impl Tracker {
         self.offset
     }
 
-    /// Axis angles of every heliostat for one sun. See [`track_into`](Self::track_into).
+    /// Axis angles of every heliostat for one sun. See [`track_into`](Self::track_into); a sun made
+    /// from angles that are not finite counts as below the horizon here.
     #[must_use]
     pub fn track(&self, sun: EnuUnit) -> Tracking {
         let mut out = Tracking::default();
@@ -213,7 +214,10 @@ impl Tracker {
     /// one over the top; an angle that may be reached by several turns is given nearest to the
     /// middle of its limits. With `present`, of all that lie within the limits the one is given
     /// for which the axis that travels farther has the shortest way, first from `present`, then
-    /// from one sun to the next; a row that is not ok leaves its heliostat where it was.
+    /// from one sun to the next; a row that is not ok leaves its heliostat where it was, and an axis
+    /// whose place is not known (NaN) counts as having no way to go. A heliostat without any limit
+    /// keeps to the direct solution and turns on beyond a full turn. Where the normal stands on the
+    /// fixed axis of a perfect mount, and any angle of axis 1 will do, it stays where it is.
     ///
     /// A sun below the horizon (its given direction points below) makes all its rows
     /// [`Status::SunBelowHorizon`].
@@ -221,6 +225,7 @@ impl Tracker {
     /// # Errors
     /// [`TrackError::LengthMismatch`] if `present` has another length than the field,
     /// [`TrackError::BadAngle`] if an angle of it is infinite or beyond ±1e5 rad,
+    /// [`TrackError::BadSun`] for a sun made from angles that are not finite,
     /// [`TrackError::LevelUnavailable`] for an instruction set that this processor lacks.
     pub fn track_into(
         &self,
@@ -230,6 +235,7 @@ impl Tracker {
         out: &mut Tracking,
     ) -> Result<(), TrackError> {
         let level = checked_level(options.level)?;
+        check_suns(suns)?;
         if let Some(present) = present {
             for (what, column) in [
                 ("present axis1_rad", present.axis1_rad),
@@ -330,7 +336,7 @@ impl Call<'_> {
         present: Option<PresentRows<'_>>,
         mut rows: Rows<'_>,
     ) -> bool {
-        if sun.as_enu().up < 0.0 {
+        if !is_up(sun) {
             for column in [&mut rows.axis1, &mut rows.axis2, &mut rows.incidence] {
                 column.fill(f64::NAN);
             }
@@ -438,6 +444,18 @@ fn checked_level(level: Option<SimdLevel>) -> Result<SimdLevel, TrackError> {
     }
 }
 
+/// True for a sun on or above the horizon; false for one that is no direction at all.
+fn is_up(sun: EnuUnit) -> bool {
+    sun.as_enu().is_finite() && sun.as_enu().up >= 0.0
+}
+
+fn check_suns(suns: &[EnuUnit]) -> Result<(), TrackError> {
+    match suns.iter().position(|sun| !sun.as_enu().is_finite()) {
+        None => Ok(()),
+        Some(row) => Err(TrackError::BadSun { row }),
+    }
+}
+
 /// Refuses angles that are infinite or too large to have a direction; NaN only if it may stand for
 /// "not known".
 fn check_angles(what: &'static str, column: &[f64], nan_allowed: bool) -> Result<(), TrackError> {
@@ -467,5 +485,92 @@ fn check_len(what: &'static str, expected: usize, got: usize) -> Result<(), Trac
         Ok(())
     } else {
         Err(length_mismatch(what, expected, got))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::field::Heliostat;
+    use crate::frame::Enu;
+    use crate::mount::{AxisLimits, TrackingMode};
+
+    /// A perfect mount under its aim, with axis 1 limited.
+    fn face_up(min_rad: f64, max_rad: f64) -> Tracker {
+        let mut heliostat = Heliostat::new(Enu::default(), Enu::new(0.0, 0.0, 50.0));
+        heliostat.limits.axis1_min_rad = min_rad;
+        heliostat.limits.axis1_max_rad = max_rad;
+        let mut field = Field::new(TrackingMode::AzimuthElevation);
+        field.push("A", heliostat).unwrap();
+        Tracker::new(&field, OffsetForm::Exact).unwrap()
+    }
+
+    #[test]
+    fn face_up_on_a_perfect_mount_the_first_axis_stays_or_goes_just_inside() {
+        let tracker = face_up(1.0, 2.0);
+        let got = tracker.track(EnuUnit::UP);
+        assert_eq!(got.status(), [Status::Ok]);
+        assert!((1.0..=2.0).contains(&got.axis1_rad()[0]));
+        for (now, want) in [(1.7, 1.7), (2.5, 2.0), (-9.0, 1.0)] {
+            let present = Present {
+                axis1_rad: &[now],
+                axis2_rad: &[1.5],
+            };
+            let mut out = Tracking::default();
+            let options = TrackOptions::default();
+            tracker
+                .track_into(&[EnuUnit::UP], Some(present), &options, &mut out)
+                .unwrap();
+            assert_eq!(out.status(), [Status::Ok]);
+            assert!(
+                (out.axis1_rad()[0] - want).abs() < 2e-12,
+                "{now}: {}",
+                out.axis1_rad()[0]
+            );
+        }
+    }
+
+    #[test]
+    fn a_sun_that_is_no_direction_is_refused_and_never_answered() {
+        let tracker = face_up(f64::NEG_INFINITY, f64::INFINITY);
+        for (azimuth, elevation) in [(f64::NAN, 0.3), (0.3, f64::NAN), (f64::INFINITY, 0.3)] {
+            let sun = EnuUnit::from_azimuth_elevation(azimuth, elevation);
+            let options = TrackOptions::default();
+            let mut out = Tracking::default();
+            let refused = tracker.track_into(&[EnuUnit::UP, sun], None, &options, &mut out);
+            assert_eq!(refused, Err(TrackError::BadSun { row: 1 }));
+            assert_eq!(tracker.track(sun).status(), [Status::SunBelowHorizon]);
+        }
+    }
+
+    #[test]
+    fn an_axis_whose_place_is_not_known_counts_as_having_no_way_to_go() {
+        let mut heliostat = Heliostat::new(Enu::default(), Enu::new(0.0, 100.0, 30.0));
+        heliostat.limits = AxisLimits {
+            axis1_min_rad: -4.0,
+            axis1_max_rad: 4.0,
+            axis2_min_rad: -0.5,
+            axis2_max_rad: 3.5,
+        };
+        let mut field = Field::new(TrackingMode::AzimuthElevation);
+        field.push("A", heliostat).unwrap();
+        let tracker = Tracker::new(&field, OffsetForm::Exact).unwrap();
+        let sun = EnuUnit::from_azimuth_elevation(0.3, 0.6);
+        let direct = tracker.track(sun);
+        let (axis1, axis2) = (direct.axis1_rad()[0], direct.axis2_rad()[0]);
+        // Where the other solution stands: half a turn on, over the top.
+        let over = [axis1 + core::f64::consts::PI, core::f64::consts::PI - axis2];
+        for present in [[over[0], f64::NAN], [f64::NAN, over[1]], over] {
+            let mut out = Tracking::default();
+            let present = Present {
+                axis1_rad: &present[..1],
+                axis2_rad: &present[1..],
+            };
+            let options = TrackOptions::default();
+            tracker
+                .track_into(&[sun], Some(present), &options, &mut out)
+                .unwrap();
+            assert!((out.axis2_rad()[0] - over[1]).abs() < 1e-9, "{present:?}");
+        }
     }
 }

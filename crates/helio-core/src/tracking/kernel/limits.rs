@@ -15,7 +15,7 @@ pub(crate) enum Limits {
     None,
     /// All heliostats have the same: no memory is read.
     Uniform([f64; 4]),
-    /// Six columns.
+    /// Columns: middle and reach of either axis.
     PerHeliostat(Vec<Columns<4>>),
 }
 

@@ -79,7 +79,7 @@ impl<L: Lanes> Pose<L> {
     pub fn both(&self, constants: &Constants, lane: usize) -> [[L; 2]; 2] {
         let zero = L::splat(0.0);
         let d1 = self.d1_sq.max(zero).sqrt();
-        let vertical = L::splat(MIN_LEVEL_SQ).lt(self.level_sq).not();
+        let vertical = self.on_fixed_axis();
         let here = Self {
             level_sq: L::select(vertical, L::splat(1.0), self.level_sq),
             ..*self
@@ -95,6 +95,13 @@ impl<L: Lanes> Pose<L> {
             [L::select(vertical, shift1, gamma), alpha.add(shift2)],
             [L::select(vertical, shift1, over_gamma), over_alpha],
         ]
+    }
+
+    /// True where the normal stands on the fixed axis of a perfect mount: any angle of the first axis
+    /// points it there.
+    #[inline(always)]
+    pub fn on_fixed_axis(&self) -> L::Mask {
+        L::splat(MIN_LEVEL_SQ).lt(self.level_sq).not()
     }
 
     /// Sign bit set unless the row lies clearly outside a blind cone and is not face up.

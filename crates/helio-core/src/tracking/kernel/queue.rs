@@ -180,8 +180,9 @@ impl Queue {
         let pose = pose::<L>(&self.constants[row / BLOCK], row % BLOCK, normal.n);
         let [direct, over] = pose.both(&self.constants[row / BLOCK], row % BLOCK);
 
-        let direct = Choice::of(direct, &ranges, &ends, present);
-        let over = Choice::of(over, &ranges, &ends, present);
+        let free1 = pose.on_fixed_axis();
+        let direct = Choice::of(direct, free1, &ranges, &ends, present);
+        let over = Choice::of(over, free1, &ranges, &ends, present);
         // Without any limit the direct solution is the answer; see AxisLimits::NONE.
         let infinite = splat(f64::INFINITY);
         let limited = ends[0]
@@ -250,29 +251,33 @@ struct Choice<L: Lanes> {
     /// How far outside its limits the worse axis is, less the tolerance.
     excess: L,
     fits: L::Mask,
-    /// Way of the axis that has the longer one; equal for all where the present is not known.
+    /// Way of the axis that has the longer one; none for an axis whose present is not known.
     travel: L,
 }
 
 impl<L: Lanes> Choice<L> {
+    /// `free1` is true where any angle of the first axis will do.
     #[inline(always)]
     fn of(
         solution: [L; 2],
+        free1: L::Mask,
         ranges: &[AxisRange<L>; 2],
         ends: &[AxisEnds<L>; 2],
         present: [L; 2],
     ) -> Self {
         // A second axis without limits is not wrapped.
         let infinite = L::splat(f64::INFINITY);
-        let free = ends[1]
+        let known = [present[0].le(infinite), present[1].le(infinite)];
+        let unlimited2 = ends[1]
             .low
             .le(L::splat(f64::NEG_INFINITY))
             .and(infinite.le(ends[1].high));
         let from_middle = [
             within_half_turn(solution[0]),
-            L::select(free, solution[1], within_half_turn(solution[1])),
+            L::select(unlimited2, solution[1], within_half_turn(solution[1])),
         ];
         let excess1 = from_middle[0].abs().sub(ranges[0].reach);
+        let excess1 = L::select(free1, L::splat(-1.0), excess1);
         let excess2 = from_middle[1].abs().sub(ranges[1].reach);
         let excess = excess1.max(excess2);
         let fits = excess.le(L::splat(0.0));
@@ -280,14 +285,20 @@ impl<L: Lanes> Choice<L> {
             from_middle[0].add(ranges[0].middle),
             from_middle[1].add(ranges[1].middle),
         ];
+        // Where any will do the first axis stays, or moves no farther than into its limits.
+        let stay = L::select(known[0], present[0], home[0]);
+        let tolerance = L::splat(LIMIT_TOLERANCE_RAD);
+        let stay = stay
+            .max(ends[0].low.add(tolerance))
+            .min(ends[0].high.sub(tolerance));
         let angles = [
-            ends[0].nearest(home[0], present[0]),
+            L::select(free1, stay, ends[0].nearest(home[0], present[0])),
             ends[1].nearest(home[1], present[1]),
         ];
-        let travel = angles[0]
-            .sub(present[0])
-            .abs()
-            .max(angles[1].sub(present[1]).abs());
+        let zero = L::splat(0.0);
+        let travel1 = L::select(known[0], angles[0].sub(present[0]).abs(), zero);
+        let travel2 = L::select(known[1], angles[1].sub(present[1]).abs(), zero);
+        let travel = travel1.max(travel2);
         Self {
             angles,
             excess,
