@@ -34,11 +34,7 @@ python_lint() {
         cp "$wanted" "$venv/made-from.txt"
     fi
     local files
-    mapfile -t files < <(git ls-files --cached --others --exclude-standard -- '*.py')
-    if [ ${#files[@]} -eq 0 ]; then
-        echo "no Python files"
-        return
-    fi
+    mapfile -t files < <(find benches crates tests -name '*.py' -not -path '*/.*/*' | sort)
     "$venv/bin/ruff" check --quiet --config tests/ruff.toml --cache-dir "$out/ruff" "${files[@]}" &&
         "$venv/bin/mypy" --config-file tests/mypy.ini --cache-dir "$out/mypy" "${files[@]}"
 }

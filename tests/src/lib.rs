@@ -61,3 +61,8 @@ impl core::fmt::Display for Worst {
         write!(f, "{:.3e} of {} ({})", self.value, self.count, self.place)
     }
 }
+
+/// The README's own Rust, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../../README.md")]
+pub struct Readme;

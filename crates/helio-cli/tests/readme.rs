@@ -92,5 +92,49 @@ fn the_manual_runs() {
             commands += run(&path).0;
         }
     }
-    assert!(commands >= 15, "{commands}");
+    assert!(commands >= 14, "{commands}");
+}
+
+/// Names of all keys in a JSON Schema.
+fn keys(schema: &serde_json::Value, found: &mut Vec<String>) {
+    if let Some(properties) = schema.get("properties").and_then(|p| p.as_object()) {
+        for (name, value) in properties {
+            found.push(name.clone());
+            keys(value, found);
+        }
+    }
+    if let Some(named) = schema.get("additionalProperties") {
+        keys(named, found);
+    }
+}
+
+#[test]
+fn every_key_is_in_the_manual() {
+    let schema = Folder::empty().run(&["schema"]).good();
+    let mut found = Vec::new();
+    keys(&serde_json::from_str(&schema).unwrap(), &mut found);
+    assert!(found.len() > 60);
+    let page = std::fs::read_to_string(root().join("docs/files.md")).unwrap();
+    for name in found {
+        let told = ["`NAME`", "`[NAME]`", "`[NAME.", "[heliostats.drive.NAME]"]
+            .iter()
+            .any(|form| page.contains(&form.replace("NAME", &name)));
+        assert!(told, "docs/files.md does not tell of {name}");
+    }
+}
+
+#[test]
+fn messages_of_the_manual_are_recorded_ones() {
+    let mut recorded = String::new();
+    let snapshots = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/snapshots");
+    for entry in std::fs::read_dir(snapshots).unwrap() {
+        recorded += &std::fs::read_to_string(entry.unwrap().path()).unwrap();
+    }
+    let page = std::fs::read_to_string(root().join("docs/errors.md")).unwrap();
+    let mut count = 0;
+    for message in page.lines().filter(|line| line.starts_with("error: ")) {
+        assert!(recorded.lines().any(|line| line == message), "{message}");
+        count += 1;
+    }
+    assert!(count >= 25, "{count}");
 }
