@@ -23,7 +23,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         threads: options.number("threads", 1)?,
         level: Some(level),
     };
-    let tracker = Tracker::new(&input.field()?, offset)?;
+    let tracker = Tracker::new(&input.field()?, offset).map_err(|error| error.to_string())?;
     let suns = [input.sun];
     let mut out = Tracking::default();
     tracker.track_into(&suns, None, &track_options, &mut out)?;
