@@ -181,7 +181,8 @@ pub(crate) struct TrackArgs {
 /// Reads a table with id and axis1_deg, axis2_deg (or azimuth_deg, elevation_deg; or axis1_steps,
 /// axis2_steps with a drive) and, optionally, time or sun_azimuth_deg, sun_elevation_deg: what track
 /// writes can be read back. Beams land on the heliostat's target, on its own aim point's plane if
-/// it has none: u_m to the right and v_m down as a camera facing the target sees them.
+/// it has none: u_m to the right and v_m down as a camera facing the target sees them. The whole
+/// table is held in memory; cut very long ones into several.
 /// Shading and blocking are not computed.
 #[derive(Debug, ClapArgs)]
 #[command(

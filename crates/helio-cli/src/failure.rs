@@ -28,8 +28,19 @@ pub(crate) enum Failure {
     #[error("{0}")]
     Refused(String),
     /// The user stopped it.
-    #[error("interrupted; nothing was written")]
-    Interrupted,
+    #[error("interrupted; {}", written(*.streamed))]
+    Interrupted {
+        /// True if rows went to standard output as they came.
+        streamed: bool,
+    },
+}
+
+fn written(streamed: bool) -> &'static str {
+    if streamed {
+        "the rows on standard output are not all"
+    } else {
+        "nothing was written"
+    }
 }
 
 impl Failure {
@@ -45,7 +56,7 @@ impl Failure {
     pub(crate) fn exit_code(&self) -> u8 {
         match self {
             // As shells report a program that ended by this signal.
-            Self::Interrupted => 130,
+            Self::Interrupted { .. } => 130,
             _ => 2,
         }
     }

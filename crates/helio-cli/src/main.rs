@@ -27,6 +27,7 @@ enum Outcome {
 }
 
 fn main() -> ExitCode {
+    keep_silent_about_damaged_parquet();
     let args = Args::parse();
     let printer = Printer::new(args.verb.is_quiet());
     match run(&args, &printer) {
@@ -39,6 +40,16 @@ fn main() -> ExitCode {
             ExitCode::from(failure.exit_code())
         }
     }
+}
+
+/// The reader of Parquet panics on some damaged files; that is caught and becomes a message of ours.
+fn keep_silent_about_damaged_parquet() {
+    let hook = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |info| {
+        if std::thread::current().name() != Some(helio_io::PARQUET_THREAD) {
+            hook(info);
+        }
+    }));
 }
 
 fn run(args: &Args, printer: &Printer) -> Result<Outcome, Failure> {

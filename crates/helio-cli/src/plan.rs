@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use helio_core::EnuUnit;
 use helio_core::angle::{degrees, radians};
-use helio_core::sun::{SunSite, positions};
+use helio_core::sun::{SunPositions, SunSite, positions};
 use helio_io::output::{Destination, Format, Layout, Moment, Moments, TableWriter};
 use helio_io::{
     IoError, LoadedField, Site, TimeRange, format_time, load_field, load_suns, parse_step,
@@ -47,15 +47,8 @@ pub(crate) struct SunClock {
 
 impl SunClock {
     pub(crate) fn of(site: &Site) -> Result<Self, Failure> {
-        let mut sun_site = SunSite::new(site.latitude_rad, site.longitude_rad, site.elevation_m)?;
-        if let Some(pressure_hpa) = site.pressure_hpa {
-            sun_site = sun_site.with_pressure_hpa(pressure_hpa)?;
-        }
-        if let Some(temperature_c) = site.temperature_c {
-            sun_site = sun_site.with_temperature_c(temperature_c)?;
-        }
         Ok(Self {
-            site: sun_site,
+            site: site.sun_site()?,
             delta_t_s: site.delta_t_s,
             ut1_utc_s: site.ut1_utc_s.unwrap_or(0.0),
         })
@@ -63,8 +56,18 @@ impl SunClock {
 
     /// Azimuths and apparent elevations \[rad\].
     pub(crate) fn suns(&self, unix_ns: &[i64]) -> Result<(Vec<f64>, Vec<f64>), Failure> {
-        let suns = positions(&self.site, unix_ns, self.delta_t_s, self.ut1_utc_s)?;
+        let suns = self.positions(unix_ns)?;
         Ok((suns.azimuth_rad, suns.apparent_elevation_rad))
+    }
+
+    /// Apparent and geometric positions.
+    pub(crate) fn positions(&self, unix_ns: &[i64]) -> Result<SunPositions, Failure> {
+        Ok(positions(
+            &self.site,
+            unix_ns,
+            self.delta_t_s,
+            self.ut1_utc_s,
+        )?)
     }
 
     /// The clock of a field that must have one.
@@ -243,6 +246,21 @@ impl Suns {
         }
     }
 
+    /// First and last time \[ns of Unix time\].
+    pub(crate) fn times_ns(&self) -> Option<(i64, i64)> {
+        match self {
+            Self::Times { range, .. } => {
+                let count = i128::try_from(range.len().saturating_sub(1)).unwrap_or(0);
+                let last = i128::from(range.from_unix_ns()) + i128::from(range.step_ns()) * count;
+                Some((
+                    range.from_unix_ns(),
+                    i64::try_from(last).unwrap_or(i64::MAX),
+                ))
+            }
+            Self::Angles { .. } => None,
+        }
+    }
+
     pub(crate) fn moment(&self) -> Moment {
         match self {
             Self::Times { .. } => Moment::Time,
@@ -350,6 +368,54 @@ pub(crate) fn format(out: Option<&Path>, word: Option<FormatWord>) -> Result<For
 
 fn is_stdout(path: &Path) -> bool {
     path == Path::new("-")
+}
+
+/// The failure of a run that was stopped.
+pub(crate) fn interrupted(out: &OutArgs) -> Failure {
+    Failure::Interrupted {
+        streamed: out.out.as_deref().is_none_or(is_stdout),
+    }
+}
+
+/// Refuses to write two results to one place.
+pub(crate) fn not_the_same(out: Option<&Path>, plot: Option<&Path>) -> Result<(), Failure> {
+    let (Some(out), Some(plot)) = (out.filter(|path| !is_stdout(path)), plot) else {
+        return Ok(());
+    };
+    // Neither need exist yet; their folders must.
+    let place = |path: &Path| {
+        path.canonicalize().ok().or_else(|| {
+            let folder = path.parent().filter(|folder| *folder != Path::new(""));
+            let folder = folder.unwrap_or(Path::new(".")).canonicalize().ok()?;
+            Some(folder.join(path.file_name()?))
+        })
+    };
+    if out == plot || place(out).is_some_and(|out| Some(out) == place(plot)) {
+        return Err(Failure::refused(format!(
+            "{}: --out and --plot name the same file; give them two",
+            plot.display()
+        )));
+    }
+    Ok(())
+}
+
+/// Says, once, whose calibration does not hold for the times of a run.
+pub(crate) fn warn_of_lapse(loaded: &LoadedField, times: Option<(i64, i64)>, printer: &Printer) {
+    let (Some(schedule), Some((from_ns, to_ns))) = (&loaded.schedule, times) else {
+        return;
+    };
+    let Some(lapse) = schedule.lapse(from_ns, to_ns) else {
+        return;
+    };
+    let first = &loaded.field.ids()[lapse.first];
+    let last = lapse.last_valid_to_ns.map_or(String::new(), |last_ns| {
+        format!(", last valid_to {}", format_time(last_ns))
+    });
+    printer.warn(format_args!(
+        "calibration: {} heliostats have no set that is valid all the time asked for (first \
+         {first}{last}); the layout's errors hold there",
+        crate::printer::Grouped(lapse.heliostats as u64)
+    ));
 }
 
 /// Opens the table of a run.

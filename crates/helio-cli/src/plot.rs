@@ -143,22 +143,24 @@ impl Plot {
                 self.at.push(at.unwrap_or((self.suns + sun) as i64));
                 for (curve, row) in self.curves.iter_mut().zip(&self.rows) {
                     let row = sun * n + row;
-                    curve[0].push(degrees(answers.axis1_rad[row]));
-                    curve[1].push(degrees(answers.axis2_rad[row]));
-                    curve[2].push(degrees(answers.incidence_rad[row]));
+                    let ok = answers.status[row] == Status::Ok;
+                    let of = |column: &[f64]| if ok { degrees(column[row]) } else { f64::NAN };
+                    curve[0].push(of(answers.axis1_rad));
+                    curve[1].push(of(answers.axis2_rad));
+                    curve[2].push(of(answers.incidence_rad));
                 }
             }
         }
         self.suns += block.suns.len();
     }
 
-    /// Draws everything and puts the file in place.
-    pub(crate) fn finish(
+    /// Draws everything into the temporary file; what it returns only has to be put in place.
+    pub(crate) fn draw(
         mut self,
         loaded: &LoadedField,
         suns: &Suns,
         tally: &Tally,
-    ) -> Result<(), Failure> {
+    ) -> Result<AtomicFile, Failure> {
         let figures = self.figures(loaded, suns)?;
         let text = if self.html {
             let facts = self.facts(loaded);
@@ -176,8 +178,9 @@ impl Plot {
         let path = self.file.path().to_owned();
         self.file
             .write_all(text.as_bytes())
+            .and_then(|()| self.file.flush())
             .map_err(|e| IoError::write(&path, e))?;
-        Ok(self.file.finish()?)
+        Ok(self.file)
     }
 
     fn figures(&self, loaded: &LoadedField, suns: &Suns) -> Result<Vec<Figure>, Failure> {

@@ -511,6 +511,143 @@ fn an_interrupted_run_leaves_nothing_behind() {
 }
 
 #[test]
+fn a_beam_that_misses_and_an_angle_beyond_the_drive_are_no_good_rows() {
+    let folder = Folder::new();
+    // A1 stands behind the plane.
+    folder.write(
+        "heliostats.csv",
+        "id,east_m,north_m,up_m\nA1,-10,-90,3\nA2,0.5,110,3\n",
+    );
+    let run = folder.track(&[NOON, &["--verify"]].concat());
+    assert_eq!(run.code(), 1, "{}", run.stderr());
+    let found = rows(&run.stdout());
+    assert_eq!(
+        (&*found[0]["status"], &*found[0]["azimuth_deg"]),
+        ("misses_target", "")
+    );
+    assert_eq!(found[1]["status"], "ok");
+    let report = folder.run(&["check", "--field", "field.toml"]).good();
+    assert!(
+        report.contains("1 heliostats stand behind the plane of receiver and miss it (A1)"),
+        "{report}"
+    );
+    assert!(
+        report.contains("apparent (as tracked)") && report.contains("° geometric"),
+        "{report}"
+    );
+    // A drive with one end, which is no stop of the axis.
+    let drive = DRIVES.replace(
+        "steps_per_deg = 1000.0\n",
+        "steps_per_deg = 1000.0\nmin_steps = 80000\n",
+    );
+    let folder = Folder::new();
+    folder.write("field.toml", format!("{FIELD}{drive}"));
+    for more in [&[][..], &["--verify"]] {
+        let run = folder.track(&[NOON, more].concat());
+        assert_eq!(run.code(), 1, "{}", run.stderr());
+        for row in rows(&run.stdout()) {
+            assert_eq!(row["status"], "outside_limits");
+            let cells = ["elevation_deg", "axis2_steps", "limit_excess_deg"];
+            assert!(cells.iter().all(|name| row[*name].is_empty()), "{row:?}");
+        }
+    }
+}
+
+#[test]
+fn a_counter_leaves_the_angles_where_they_are() {
+    let folder = Folder::new();
+    let drives = DRIVES.replace(
+        "steps_per_deg = 1000.0\n",
+        "steps_per_deg = 100.0\nmin_steps = 0\nmax_steps = 4294967295\n",
+    );
+    folder.write("field.toml", format!("{FIELD}{drives}"));
+    folder
+        .track(&[HOUR, &["--verify", "--out", "p.csv"]].concat())
+        .good();
+    for more in [
+        &["--verify"][..],
+        &["--continuous"],
+        &["--present", "p.csv", "--verify"],
+    ] {
+        for row in rows(&folder.track(&[HOUR, more].concat()).good()) {
+            let azimuth: f64 = row["azimuth_deg"].parse().unwrap();
+            let elevation: f64 = row["elevation_deg"].parse().unwrap();
+            assert!((0.0..360.0).contains(&azimuth) && (0.0..90.0).contains(&elevation));
+        }
+    }
+}
+
+/// Whatever `track` writes, with any option, can be read back.
+#[test]
+fn every_result_of_tracking_can_be_read_back() {
+    let one_axis = DRIVES.split("[heliostats.drive.axis2]").next().unwrap();
+    for drives in ["", one_axis, DRIVES] {
+        let folder = Folder::new();
+        folder.write("field.toml", format!("{FIELD}{drives}"));
+        for (out, sun) in [("a.csv", HOUR), ("a.parquet", HOUR), ("b.csv", NOON)] {
+            folder
+                .track(&[sun, &["--verify", "--continuous", "--out", out]].concat())
+                .good();
+            folder.track(&[NOON, &["--present", out]].concat()).good();
+            let predict = ["predict", "--field", "field.toml", "--angles", out];
+            folder.run(&predict).good();
+        }
+    }
+}
+
+#[test]
+fn an_expired_calibration_is_told_once() {
+    let folder = Folder::new();
+    folder.write("field.toml", format!("{FIELD}calibration = \"c.csv\"\n"));
+    folder.write(
+        "c.csv",
+        "id,valid_to,azimuth_reference_deg\nA1,2026-01-01T00:00:00Z,1\nA2,2026-02-01T00:00:00Z,1\n",
+    );
+    let run = folder.track(HOUR);
+    run.good();
+    let told = "warning: calibration: 2 heliostats have no set that is valid all the time asked for \
+                (first A1, last valid_to 2026-02-01T00:00:00Z); the layout's errors hold there";
+    assert_eq!(run.stderr().matches(told).count(), 1, "{}", run.stderr());
+    let run = folder.track(&["--time", "2025-12-31T12:00:00Z"]);
+    assert!(!run.stderr().contains("no set that is valid"));
+}
+
+/// A plot that cannot be written leaves no rows behind either.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_plot_that_fails_leaves_no_rows() {
+    let folder = Folder::new();
+    std::os::unix::fs::symlink("/dev/full", folder.path().join("full.svg")).unwrap();
+    let run = folder.track(&[NOON, &["--out", "a.csv", "--plot", "full.svg"]].concat());
+    assert_eq!(run.code(), 2, "{}", run.stderr());
+    assert!(!folder.path().join("a.csv").exists());
+}
+
+/// The reader's own words about a panic of its own are not passed on.
+#[test]
+fn damaged_parquet_does_not_panic_on_the_screen() {
+    let folder = Folder::new();
+    let run = folder.run(&[
+        "simulate",
+        "field",
+        "--heliostats",
+        "9",
+        "--out",
+        "h.parquet",
+    ]);
+    run.good();
+    folder.write("field.toml", FIELD.replace("heliostats.csv", "h.parquet"));
+    let good = std::fs::read(folder.path().join("h.parquet")).unwrap();
+    for at in (4..good.len()).step_by(29) {
+        let mut bad = good.clone();
+        bad[at] ^= 0x7F;
+        folder.write("h.parquet", bad);
+        let run = folder.track(NOON);
+        assert!(!run.stderr().contains("panicked"), "{at}: {}", run.stderr());
+    }
+}
+
+#[test]
 fn figures_are_drawn() {
     let folder = Folder::new();
     for (plot, colour) in [

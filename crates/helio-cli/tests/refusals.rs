@@ -408,6 +408,10 @@ fn unwritable_outputs() {
             ),
             noon("an unknown suffix", &["--out", "angles.xlsx"]),
             noon("an unknown format", &["--format", "xlsx"]),
+            noon(
+                "a plot in the place of the rows",
+                &["--out", "f.svg", "--format", "csv", "--plot", "./f.svg"],
+            ),
             noon("a plot in no folder", &["--plot", "there/field.svg"]),
             noon("a plot of another kind", &["--plot", "field.png"]),
         ],

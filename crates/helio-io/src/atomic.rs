@@ -4,6 +4,8 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
 use tempfile::NamedTempFile;
 
 use crate::error::IoError;
@@ -31,6 +33,34 @@ pub struct AtomicFile {
     path: PathBuf,
     destination: PathBuf,
     target: Target,
+    /// After the target, so that a file is listed for as long as it is there.
+    listed: Option<Listed>,
+}
+
+/// The temporary files of this process.
+static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+fn unfinished() -> MutexGuard<'static, Vec<PathBuf>> {
+    UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A place in the list of temporary files.
+#[derive(Debug)]
+struct Listed(PathBuf);
+
+impl Drop for Listed {
+    fn drop(&mut self) {
+        unfinished().retain(|path| *path != self.0);
+    }
+}
+
+/// Removes every file that an [`AtomicFile`] of this process has begun and not finished: for a
+/// program that is about to exit without unwinding, as on a second Ctrl-C.
+pub fn remove_unfinished_files() {
+    for path in unfinished().drain(..) {
+        // It may have been renamed into place this very moment.
+        let _ = std::fs::remove_file(path);
+    }
 }
 
 #[derive(Debug)]
@@ -61,6 +91,7 @@ impl AtomicFile {
                     destination: path.clone(),
                     path,
                     target,
+                    listed: None,
                 });
             }
             // A file that may not be written stays, although its folder would let us replace it.
@@ -93,11 +124,14 @@ impl AtomicFile {
             builder.permissions(std::fs::Permissions::from_mode(0o666));
         }
         let file = builder.tempfile_in(folder).map_err(refuse)?;
+        let listed = Listed(file.path().to_path_buf());
+        unfinished().push(listed.0.clone());
         let target = Target::Temporary(BufWriter::with_capacity(BUFFER_BYTES, file));
         Ok(Self {
             path: path.to_path_buf(),
             destination,
             target,
+            listed: Some(listed),
         })
     }
 
@@ -116,6 +150,7 @@ impl AtomicFile {
             path,
             destination,
             target,
+            listed: _listed,
         } = self;
         let refuse = |error| IoError::write(&path, error);
         match target {
@@ -188,6 +223,24 @@ mod tests {
         write_file(&path, b"new").unwrap();
         assert_eq!(names(folder.path()), ["out.csv"]);
         assert_eq!(std::fs::read(&path).unwrap(), b"new");
+    }
+
+    #[test]
+    fn finished_and_dropped_files_are_not_listed() {
+        let folder = tempfile::tempdir().unwrap();
+        let listed = || {
+            let list = unfinished();
+            list.iter()
+                .filter(|path| path.starts_with(folder.path()))
+                .count()
+        };
+        let file = AtomicFile::create(&folder.path().join("a")).unwrap();
+        let other = AtomicFile::create(&folder.path().join("b")).unwrap();
+        assert_eq!(listed(), 2);
+        drop(file);
+        other.finish().unwrap();
+        assert_eq!(listed(), 0);
+        assert_eq!(names(folder.path()), ["b"]);
     }
 
     #[test]

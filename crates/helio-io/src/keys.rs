@@ -291,12 +291,12 @@ pub(crate) static AXIS1_MAX: Key = optional(
 pub(crate) static AXIS2_MIN: Key = optional(
     "axis2_min_deg",
     TURNS,
-    "Least encoder angle of the second axis.",
+    "Least encoder angle of the second axis in degrees; only together with axis2_max_deg. Default: no limits.",
 );
 pub(crate) static AXIS2_MAX: Key = optional(
     "axis2_max_deg",
     TURNS,
-    "Greatest encoder angle of the second axis.",
+    "Greatest encoder angle of the second axis in degrees; only together with axis2_min_deg.",
 );
 
 /// What a heliostat may have of its own or by default, in the order of [`Quantities`](crate::layout::Quantities).
@@ -365,7 +365,7 @@ pub(crate) static ZERO_STEPS: Key = optional(
 pub(crate) static MIN_STEPS: Key = optional(
     "min_steps",
     STEPS,
-    "encoder, screw: least steps. Default: no end.",
+    "encoder, screw: least steps. Default: no end. An encoder whose ends lie more than 3600 degrees apart is a counter, and limits no angle.",
 );
 pub(crate) static MAX_STEPS: Key = optional(
     "max_steps",
@@ -391,7 +391,7 @@ pub(crate) static ZERO_LENGTH: Key = optional(
 pub(crate) static STEPS_PER_M: Key = optional(
     "steps_per_m",
     Kind::Number(1e-6, 1e12),
-    "screw: steps in a metre. Default: 1, steps are then metres of stroke.",
+    "screw: steps that lengthen it by a metre.",
 );
 pub(crate) static CLOCKWISE: Key = optional(
     "clockwise_axis_movement",
@@ -694,6 +694,19 @@ pub(crate) static AXIS1_STEPS: Key = optional("axis1_steps", STEPS, "Steps of th
 pub(crate) static AXIS2_STEPS: Key = optional("axis2_steps", STEPS, "Steps of the second drive.");
 pub(crate) static STATUS: Key = optional("status", Kind::Text, "What became of the row.");
 pub(crate) static SUN_COLUMNS: &[&Key] = &[&SUN_AZIMUTH, &SUN_ELEVATION];
+/// Every other column that `track` writes: left aside by the tables that do not need it, so that
+/// what it wrote can always be read back.
+pub(crate) static TRACKED: &[&str] = &[
+    "time",
+    "sun_azimuth_deg",
+    "sun_elevation_deg",
+    "incidence_deg",
+    "limit_excess_deg",
+    "axis1_steps",
+    "axis2_steps",
+    "beam_error_mrad",
+    "status",
+];
 pub(crate) static PRESENT_COLUMNS: &[&Key] = &[&ID, &AXIS1, &AXIS2];
 pub(crate) static ANGLE_COLUMNS: &[&Key] = &[
     &ID,

@@ -26,9 +26,9 @@ mod table;
 mod times;
 mod toml;
 
-pub use atomic::{AtomicFile, write_file};
+pub use atomic::{AtomicFile, remove_unfinished_files, write_file};
 pub use error::{IoError, Place, Problem};
-pub use field::{CalibrationSchedule, LoadedField, Site, Target, TargetArea, load_field};
+pub use field::{CalibrationSchedule, Lapse, LoadedField, Site, Target, TargetArea, load_field};
 pub use schema::schema;
 pub use small::{Angles, AnglesSun, PresentAngles, Suns, load_angles, load_present, load_suns};
 pub use table::PARQUET_THREAD;

@@ -75,25 +75,14 @@ pub struct PresentAngles {
 
 /// Reads the present axis angles of a field: columns `id`, `axis1_deg`, `axis2_deg` (or
 /// `azimuth_deg`, `elevation_deg`). The other columns that `track` writes are left aside.
-/// Heliostats without a row, or with an empty one, are not known.
+/// Heliostats without a row, or with an empty one, are not known. In a table with `time` or the sun's
+/// angles a heliostat may have many rows; the last with angles counts.
 ///
 /// # Errors
-/// [`IoError`] for an unknown or missing column, an id that is not in the field or stands twice, one
+/// [`IoError`] for an unknown or missing column, an id that is not in the field or stands twice for no time, one
 /// angle without the other, and angles that are no numbers.
 pub fn load_present(path: &Path, field: &Field) -> Result<PresentAngles, IoError> {
-    let ignore = |name: &str| {
-        [
-            "time",
-            "sun_azimuth_deg",
-            "sun_elevation_deg",
-            "incidence_deg",
-            "limit_excess_deg",
-            "status",
-            "axis1_steps",
-            "axis2_steps",
-        ]
-        .contains(&name)
-    };
+    let ignore = |name: &str| keys::TRACKED.contains(&name);
     let naming = Naming {
         synonyms: AXIS_SYNONYMS,
         ignore: Some(&ignore),
@@ -105,6 +94,12 @@ pub fn load_present(path: &Path, field: &Field) -> Result<PresentAngles, IoError
             return Err(table.missing_column(key));
         }
     }
+    // Rows of several suns: the axes stand where the last of them left them.
+    let several = table
+        .table()
+        .names()
+        .iter()
+        .any(|name| name == "time" || name == "sun_azimuth_deg");
     let unknown = vec![f64::NAN; field.len()];
     let mut present = PresentAngles {
         axis1_rad: unknown.clone(),
@@ -113,7 +108,9 @@ pub fn load_present(path: &Path, field: &Field) -> Result<PresentAngles, IoError
     let mut first: HashMap<usize, usize> = HashMap::new();
     for row in 0..table.table().rows() {
         let (id, heliostat) = heliostat(&table, row, field)?;
-        if let Some(first) = first.insert(heliostat, row) {
+        if let Some(first) = first.insert(heliostat, row)
+            && !several
+        {
             let first = table.table().position(first);
             let problem = Problem::Duplicate {
                 what: "id",
@@ -170,7 +167,9 @@ pub enum AnglesSun {
 /// [`IoError`] for an unknown or missing column, an id not in the field, a row without angles, steps
 /// without or beyond a drive, and a time without an offset.
 pub fn load_angles(path: &Path, loaded: &LoadedField) -> Result<Angles, IoError> {
-    let ignore = |name: &str| ["incidence_deg", "limit_excess_deg"].contains(&name);
+    let ignore = |name: &str| {
+        keys::TRACKED.contains(&name) && keys::names(keys::ANGLE_COLUMNS).all(|known| known != name)
+    };
     let naming = Naming {
         synonyms: AXIS_SYNONYMS,
         ignore: Some(&ignore),

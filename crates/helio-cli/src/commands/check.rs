@@ -9,7 +9,7 @@ use helio_io::LoadedField;
 use crate::Outcome;
 use crate::args::{CheckArgs, NO_SHADING};
 use crate::failure::Failure;
-use crate::plan::{self, SunClock, Suns, toward};
+use crate::plan::{self, SunClock, toward};
 use crate::printer::{Grouped, Printer, Tally};
 
 /// Heliostats named one by one.
@@ -20,7 +20,7 @@ pub(crate) fn run(args: &CheckArgs, printer: &Printer) -> Result<Outcome, Failur
     let loaded = plan::field(&args.field, printer)?;
     let mut report = Report::default();
     describe(&loaded, &mut report);
-    sun_now(&loaded, printer, &mut report)?;
+    sun_now(&loaded, &mut report)?;
     reachability(&loaded, &mut report)?;
     printer.data(&report.0)?;
     printer.say(format_args!("{NO_SHADING}"));
@@ -133,6 +133,27 @@ fn describe(loaded: &LoadedField, report: &mut Report) {
             ),
         );
     }
+    for (number, (name, target)) in loaded.targets.iter().enumerate() {
+        let Some(plane) = target.area.map(|area| area.plane) else {
+            continue;
+        };
+        let behind: Vec<&str> = (0..field.len())
+            .filter(|&row| loaded.target_of[row] == Some(number))
+            .filter(|&row| (heliostats[row].pivot - plane.centre).dot(plane.normal.as_enu()) <= 0.0)
+            .map(|row| field.ids()[row].as_str())
+            .collect();
+        if !behind.is_empty() {
+            let count = Grouped(behind.len() as u64);
+            let named = behind[..behind.len().min(NAMED)].join(", ");
+            let more = if behind.len() > NAMED { ", ..." } else { "" };
+            report.line(
+                "",
+                format_args!(
+                    "{count} heliostats stand behind the plane of {name} and miss it ({named}{more})"
+                ),
+            );
+        }
+    }
     let own = loaded.target_of.iter().filter(|of| of.is_none()).count();
     if own > 0 {
         report.line(
@@ -242,15 +263,23 @@ fn describe_limits(loaded: &LoadedField, report: &mut Report) {
     }
 }
 
-fn sun_now(loaded: &LoadedField, printer: &Printer, report: &mut Report) -> Result<(), Failure> {
+fn sun_now(loaded: &LoadedField, report: &mut Report) -> Result<(), Failure> {
     if loaded.site.is_some() {
-        let now = crate::args::SunArgs {
-            time: Some(jiff::Timestamp::now().to_string()),
-            sun_azimuth_deg: None,
-            sun_elevation_deg: None,
-        };
-        let block = Suns::one(&now, loaded, printer)?.block(0, 1)?;
-        report.line("sun now", block.describe(0));
+        let now_ns = jiff::Timestamp::now()
+            .as_second()
+            .saturating_mul(1_000_000_000);
+        if let Some(sun) = SunClock::needed(loaded)?.positions(&[now_ns])?.get(0) {
+            report.line(
+                "sun now",
+                format_args!(
+                    "{}: azimuth {:.3}°, elevation {:.3}° apparent (as tracked), {:.3}° geometric",
+                    helio_io::format_time(now_ns),
+                    degrees(sun.azimuth_rad),
+                    degrees(sun.apparent_elevation_rad),
+                    degrees(sun.geometric_elevation_rad)
+                ),
+            );
+        }
     }
     Ok(())
 }

@@ -20,6 +20,8 @@ pub(crate) fn run(args: &PredictArgs, printer: &Printer) -> Result<Outcome, Fail
     let loaded = plan::field(&args.field, printer)?;
     let angles = load_angles(&args.angles, &loaded)?;
     let suns = row_suns(args, &angles, &loaded, printer)?;
+    let (from, to) = (suns.unix_ns.iter().min(), suns.unix_ns.iter().max());
+    plan::warn_of_lapse(&loaded, from.copied().zip(to.copied()), printer);
     let layout = Layout {
         ids: loaded.field.ids().to_vec(),
         moment: suns.moment,
@@ -54,7 +56,7 @@ pub(crate) fn run(args: &PredictArgs, printer: &Printer) -> Result<Outcome, Fail
             block.write(&suns, &mut writer)?;
         }
         if stop.load(Ordering::Relaxed) {
-            return Err(Failure::Interrupted);
+            return Err(plan::interrupted(&args.out));
         }
     }
     let written = writer.finish()?;

@@ -1,5 +1,6 @@
 //! `track`: axis angles of every heliostat for each sun.
 
+use std::borrow::Cow;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use helio_core::drive::Drive;
@@ -27,7 +28,9 @@ pub(crate) fn run(args: &TrackArgs, printer: &Printer) -> Result<Outcome, Failur
         threads,
         ..TrackOptions::default()
     };
+    plan::not_the_same(args.out.out.as_deref(), args.plot.as_deref())?;
     let mut run = Run::new(args, &loaded, options)?;
+    plan::warn_of_lapse(&loaded, suns.times_ns(), printer);
     let mut inputs = loaded.files.clone();
     inputs.extend(args.present.clone());
     inputs.extend(args.suns.clone());
@@ -61,25 +64,42 @@ pub(crate) fn run(args: &TrackArgs, printer: &Printer) -> Result<Outcome, Failur
         }
         run.track(&block)?;
         let answers = run.answers();
+        // What the drives and the way back say of rows that the angles alone would call good.
+        let mut status = Cow::Borrowed(answers.status);
+        let mut steps = None;
+        if loaded.has_drives() {
+            let [one, two] = [0, 1].map(|axis| {
+                let angles = [answers.axis1_rad, answers.axis2_rad][axis];
+                by_row(&loaded, angles, |drives, angle| drives[axis]?.steps(angle))
+            });
+            beyond_drives(&loaded, [&one, &two], &mut status);
+            steps = Some([one, two]);
+        }
+        let mut errors = None;
+        if args.verify {
+            errors = Some(verified.verify(&run, &loaded, &block, &answers, status.to_mut())?);
+        }
+        let mut excess_rad = Cow::Borrowed(answers.limit_excess_rad);
+        if let Cow::Owned(status) = &status {
+            // By how much such a row is outside is not known: its angles are inside.
+            for (row, (&now, &before)) in status.iter().zip(answers.status).enumerate() {
+                if now != before {
+                    excess_rad.to_mut()[row] = f64::NAN;
+                }
+            }
+        }
+        let answers = Answers {
+            status: &status,
+            ..answers
+        };
         let mut columns: Vec<&[f64]> = vec![
             answers.axis1_rad,
             answers.axis2_rad,
             answers.incidence_rad,
-            answers.limit_excess_rad,
+            &*excess_rad,
         ];
-        let steps;
-        if loaded.has_drives() {
-            steps = [0, 1].map(|axis| {
-                let angles = [answers.axis1_rad, answers.axis2_rad][axis];
-                by_row(&loaded, angles, |drives, angle| drives[axis]?.steps(angle))
-            });
-            columns.extend(steps.iter().map(Vec::as_slice));
-        }
-        let errors;
-        if args.verify {
-            errors = verified.verify(&run, &loaded, &block, &answers)?;
-            columns.push(&errors);
-        }
+        columns.extend(steps.iter().flatten().map(Vec::as_slice));
+        columns.extend(errors.as_deref());
         tally.add(answers.status);
         if let Some(plot) = &mut plot {
             plot.take(&block, &answers);
@@ -92,15 +112,20 @@ pub(crate) fn run(args: &TrackArgs, printer: &Printer) -> Result<Outcome, Failur
             status: answers.status,
         })?;
         if stop.load(Ordering::Relaxed) {
-            return Err(Failure::Interrupted);
+            return Err(plan::interrupted(&args.out));
         }
         progress.advance(block.suns.len() as u64);
     }
+    // Everything that can fail comes before the first result takes its place.
+    let drawn = match plot {
+        Some(plot) => Some(plot.draw(&loaded, &suns, &tally)?),
+        None => None,
+    };
     let written = writer.finish()?;
-    let took_s = progress.finish().as_secs_f64();
-    if let Some(plot) = plot {
-        plot.finish(&loaded, &suns, &tally)?;
+    if let Some(drawn) = drawn {
+        drawn.finish()?;
     }
+    let took_s = progress.finish().as_secs_f64();
     printer.say(format_args!(
         "{} rows: {tally}; {} in {took_s:.2} s",
         Grouped(written.rows),
@@ -147,6 +172,7 @@ pub(crate) fn stop_on_signals() -> &'static AtomicBool {
     let _ = ctrlc::set_handler(|| {
         if STOP.swap(true, Ordering::Relaxed) {
             // Asked twice: somebody does not want to wait for the block to end.
+            helio_io::remove_unfinished_files();
             std::process::exit(130);
         }
     });
@@ -353,6 +379,20 @@ fn by_row(
         .collect()
 }
 
+/// Marks the rows whose angles no steps of their drive lead to.
+fn beyond_drives(loaded: &LoadedField, steps: [&[f64]; 2], status: &mut Cow<'_, [Status]>) {
+    let n = loaded.drives.len().max(1);
+    for row in 0..status.len() {
+        if steps[0][row].is_nan() || steps[1][row].is_nan() {
+            let drives = &loaded.drives[row % n];
+            let lacks = |axis: usize| drives[axis].is_some() && steps[axis][row].is_nan();
+            if status[row] == Status::Ok && (lacks(0) || lacks(1)) {
+                status.to_mut()[row] = Status::OutsideLimits;
+            }
+        }
+    }
+}
+
 /// What became of the beams that were followed back.
 #[derive(Debug, Default)]
 struct Verified {
@@ -360,18 +400,19 @@ struct Verified {
     sum_of_squares: f64,
     greatest_rad: f64,
     misses: u64,
-    beyond_drive: u64,
     planes: Vec<TargetPlane>,
 }
 
 impl Verified {
-    /// Angle of each row's beam off its aim \[rad\], after the angles went through whole steps.
+    /// Angle of each row's beam off its aim \[rad\], after the angles went through whole steps; a row
+    /// whose beam misses its target has that status then.
     fn verify(
         &mut self,
         run: &Run<'_>,
         loaded: &LoadedField,
         block: &SunBlock,
         answers: &Answers<'_>,
+        status: &mut [Status],
     ) -> Result<Vec<f64>, Failure> {
         let n = loaded.field.len();
         if self.planes.is_empty() {
@@ -388,13 +429,13 @@ impl Verified {
         let mut prediction = helio_core::tracking::Prediction::default();
         // A calibration that changes has left the tracker at the last sun of the block.
         let mut changing = run.changing.as_ref().map(|c| (c, c.field.clone()));
-        let mut tracker = std::borrow::Cow::Borrowed(&run.tracker);
+        let mut tracker = Cow::Borrowed(&run.tracker);
         for (sun, &toward) in block.suns.iter().enumerate() {
             if let Some((changing, field)) = &mut changing {
                 let hour_rad = hour_angle_rad(toward, changing.latitude_rad);
                 let unix_ns = block.unix_ns.get(sun).copied();
                 if changing.schedule.update(field, unix_ns, hour_rad)? {
-                    tracker = std::borrow::Cow::Owned(Tracker::new(field, run.tracker.offset())?);
+                    tracker = Cow::Owned(Tracker::new(field, run.tracker.offset())?);
                 }
             }
             let rows = sun * n..(sun + 1) * n;
@@ -408,15 +449,17 @@ impl Verified {
             )?;
             for (heliostat, row) in rows.enumerate() {
                 let mut error_rad = f64::NAN;
-                if answers.status[row] == Status::Ok {
+                if status[row] == Status::Ok {
                     if axis1_rad[row].is_nan() || axis2_rad[row].is_nan() {
-                        self.beyond_drive += 1;
+                        // The whole step nearest to an end of the drive lies beyond it.
+                        status[row] = Status::OutsideLimits;
                     } else if prediction.status[heliostat] == Status::Ok {
                         error_rad = prediction.beam_error_rad[heliostat];
                         self.beams += 1;
                         self.sum_of_squares += error_rad * error_rad;
                         self.greatest_rad = self.greatest_rad.max(error_rad);
                     } else {
+                        status[row] = Status::MissesTarget;
                         self.misses += 1;
                     }
                 }
@@ -449,12 +492,6 @@ impl Verified {
             printer.warn(format_args!(
                 "{} beams miss the plane of their target",
                 Grouped(self.misses)
-            ));
-        }
-        if self.beyond_drive > 0 {
-            let beyond = Grouped(self.beyond_drive);
-            printer.warn(format_args!(
-                "{beyond} rows lie beyond what their drive can do"
             ));
         }
     }

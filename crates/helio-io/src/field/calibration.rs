@@ -125,7 +125,53 @@ pub struct CalibrationSchedule {
     blend_rad: f64,
 }
 
+/// Heliostats whose calibration does not hold all the time; see [`CalibrationSchedule::lapse`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Lapse {
+    /// How many.
+    pub heliostats: usize,
+    /// Row of the first of them in the field.
+    pub first: usize,
+    /// When the last of their sets ceases to hold \[ns of Unix time\]; `None` if none does.
+    pub last_valid_to_ns: Option<i64>,
+}
+
 impl CalibrationSchedule {
+    /// The heliostats that have calibrated sets, but at some time from `from_ns` to `to_ns` \[ns of
+    /// Unix time\] no valid one, so that the layout's errors hold; `None` if there is none.
+    #[must_use]
+    pub fn lapse(&self, from_ns: i64, to_ns: i64) -> Option<Lapse> {
+        let mut lapse: Option<Lapse> = None;
+        for &row in &self.varying {
+            let mut spans: Vec<&Range<i64>> = self.sets[self.of_row[row].clone()]
+                .iter()
+                .map(|set| &set.valid)
+                .collect();
+            spans.sort_by_key(|span| span.start);
+            // Covered up to, not including.
+            let mut covered = from_ns;
+            for span in &spans {
+                if span.start <= covered {
+                    covered = covered.max(span.end);
+                }
+            }
+            if covered > to_ns {
+                continue;
+            }
+            let ends = spans.iter().map(|span| span.end);
+            let last = ends.max().filter(|&end| end != i64::MAX);
+            let found = lapse.get_or_insert(Lapse {
+                heliostats: 0,
+                first: row,
+                last_valid_to_ns: None,
+            });
+            found.heliostats += 1;
+            found.last_valid_to_ns = found.last_valid_to_ns.max(last);
+        }
+        lapse
+    }
+
     /// A heliostat as calibrated for a time \[ns of Unix time\] and hour angle of the sun \[rad\], west
     /// positive.
     ///
@@ -581,6 +627,26 @@ mod tests {
         assert_eq!(tilt(Some(20)), 0.002);
         assert_eq!(tilt(Some(30)), 0.0);
         assert_eq!(tilt(None), 0.002);
+    }
+
+    #[test]
+    fn a_lapse_is_found_before_between_and_after() {
+        let schedule = of(vec![
+            set("old", (-180.0, 180.0), 10..20, 0.001),
+            set("new", (-180.0, 180.0), 25..30, 0.002),
+        ]);
+        for (from, to, lapses) in [
+            (10, 19, false),
+            (25, 29, false),
+            (9, 12, true),
+            (12, 25, true),
+            (29, 30, true),
+        ] {
+            let lapse = schedule.lapse(from, to);
+            assert_eq!(lapse.is_some(), lapses, "{from}..={to}");
+            let last = lapse.map(|l| (l.heliostats, l.first, l.last_valid_to_ns));
+            assert_eq!(last, lapses.then_some((1, 0, Some(30))));
+        }
     }
 
     #[test]

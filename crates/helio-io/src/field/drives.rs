@@ -6,7 +6,7 @@ use helio_core::angle::radians;
 use helio_core::drive::{Drive, EncoderDrive, ScrewGeometry, TriangleDrive, TriangleGeometry};
 use helio_core::error::DriveError;
 
-use crate::error::{IoError, Problem, quoted};
+use crate::error::{IoError, Problem, quoted, short};
 use crate::keys::{self, Key};
 use crate::table::{Keyed, Naming, Table};
 use crate::toml::Section;
@@ -58,8 +58,9 @@ impl Type {
                             &keys::ARM_B,
                             &keys::BRACKET,
                             &keys::ZERO_LENGTH,
+                            &keys::STEPS_PER_M,
                         ],
-                        &[&keys::STEPS_PER_M, &keys::MIN_STEPS, &keys::MAX_STEPS],
+                        &[&keys::MIN_STEPS, &keys::MAX_STEPS],
                     )
                 }
             }
@@ -100,6 +101,14 @@ impl Stated {
             .iter()
             .position(|known| std::ptr::eq(*known, key))?;
         self.numbers[index]
+    }
+
+    fn set(&mut self, key: &Key, value: Option<f64>) {
+        for (slot, known) in self.numbers.iter_mut().zip(keys::DRIVE_NUMBERS) {
+            if std::ptr::eq(*known, key) {
+                *slot = value;
+            }
+        }
     }
 
     /// What is stated here, or else there; numbers of another type of drive stay out.
@@ -159,14 +168,89 @@ impl Stated {
                 return Err((Some(max), Problem::Conflict { message }));
             }
         }
-        self.make(kind).map_err(|error| {
-            (
-                None,
-                Problem::Conflict {
-                    message: error.to_string(),
-                },
-            )
-        })
+        self.meets_triangle(kind)
+            .and_then(|()| self.make(kind).map_err(|error| error.to_string()))
+            .and_then(|drive| self.can_move(drive))
+            .map_err(|message| (None, Problem::Conflict { message }))
+    }
+
+    /// A screw must close its triangle somewhere between its ends.
+    fn meets_triangle(&self, kind: Type) -> Result<(), String> {
+        let [side_a, side_b, length, ratio, min, max] = match kind {
+            Type::Encoder => return Ok(()),
+            Type::Screw => [
+                &keys::ARM_A,
+                &keys::ARM_B,
+                &keys::ZERO_LENGTH,
+                &keys::STEPS_PER_M,
+                &keys::MIN_STEPS,
+                &keys::MAX_STEPS,
+            ],
+            Type::Triangle => [
+                &keys::OFFSET,
+                &keys::PIVOT_RADIUS,
+                &keys::INITIAL_STROKE,
+                &keys::INCREMENT,
+                &keys::MIN_INCREMENT,
+                &keys::MAX_INCREMENT,
+            ],
+        };
+        let needed = |key: &Key| self.get(key).unwrap_or(f64::NAN);
+        let (a_m, b_m) = (needed(side_a), needed(side_b));
+        let (least_m, most_m) = ((a_m - b_m).abs(), a_m + b_m);
+        let at =
+            |key: &Key, none: f64| needed(length) + self.get(key).unwrap_or(none) / needed(ratio);
+        let (low_m, high_m) = (at(min, f64::NEG_INFINITY), at(max, f64::INFINITY));
+        if low_m.max(least_m) < high_m.min(most_m) {
+            return Ok(());
+        }
+        let screw = match (low_m.is_finite(), high_m.is_finite()) {
+            (true, false) => format!("at least {} m", metres(low_m)),
+            (false, true) => format!("at most {} m", metres(high_m)),
+            _ => format!("{} to {} m", metres(low_m), metres(high_m)),
+        };
+        Err(format!(
+            "the screw is {screw} long between {} and {}, but the triangle of {} and {} closes only \
+             from {} to {} m; check {} (metres) and {}",
+            min.name,
+            max.name,
+            side_a.name,
+            side_b.name,
+            metres(least_m),
+            metres(most_m),
+            length.name,
+            ratio.name
+        ))
+    }
+
+    /// Stops and ends must leave something between them.
+    fn can_move(&self, drive: Drive) -> Result<Drive, String> {
+        let (low, high) = drive.range_rad();
+        if low <= high {
+            return Ok(drive);
+        }
+        let mut ends = *self;
+        for key in [&keys::MIN_MOVEMENT, &keys::MAX_MOVEMENT] {
+            ends.set(key, None);
+        }
+        let reach = ends.make(Type::Triangle).map_err(|e| e.to_string())?;
+        // The stops are on the actuator's own angle; so is what is compared with them here.
+        let (low, high) = reach.range_rad();
+        let (low, high) = match self.get(&keys::SIGN) {
+            Some(sign) if sign < 0.0 => (-high, -low),
+            _ => (low, high),
+        };
+        let said = |key: &Key| match self.get(key) {
+            Some(value) => format!("{} {}", key.name, short(value)),
+            None => format!("no {}", key.name),
+        };
+        Err(format!(
+            "its stops ({}, {}) shut out every angle from {} to {} rad that its steps reach",
+            said(&keys::MIN_MOVEMENT),
+            said(&keys::MAX_MOVEMENT),
+            short((low * 1e9).round() / 1e9),
+            short((high * 1e9).round() / 1e9)
+        ))
     }
 
     /// Every number that is needed is there by now.
@@ -192,7 +276,7 @@ impl Stated {
                     arm_b_m: needed(&keys::ARM_B),
                     bracket_rad: radians(needed(&keys::BRACKET)),
                     zero_length_m: needed(&keys::ZERO_LENGTH),
-                    steps_per_m: self.get(&keys::STEPS_PER_M).unwrap_or(1.0),
+                    steps_per_m: needed(&keys::STEPS_PER_M),
                     sign,
                 };
                 let (min, max) = ends(&keys::MIN_STEPS, &keys::MAX_STEPS);
@@ -223,6 +307,11 @@ impl Stated {
             }
         }
     }
+}
+
+/// Metres without the last digits' noise.
+fn metres(length_m: f64) -> String {
+    short((length_m * 1e9).round() / 1e9)
 }
 
 fn belongs(kind: Type, key: &Key) -> bool {

@@ -34,6 +34,30 @@ impl Quantities {
         Ok(values)
     }
 
+    /// The limit of axis 2 that is stated without the other, and the other: with a single end, some
+    /// turn always leads inside, which is not what anybody means by a stop.
+    fn one_sided(&self) -> Option<(&'static keys::Key, &'static keys::Key)> {
+        match self.0 {
+            [.., Some(_), None] => Some((&keys::AXIS2_MIN, &keys::AXIS2_MAX)),
+            [.., None, Some(_)] => Some((&keys::AXIS2_MAX, &keys::AXIS2_MIN)),
+            _ => None,
+        }
+    }
+
+    /// Refuses a single limit of axis 2 for all, unless the table has the other.
+    pub(super) fn check_sides(
+        &self,
+        heliostats: &Section<'_>,
+        table: &Keyed,
+    ) -> Result<(), IoError> {
+        match self.one_sided() {
+            Some((given, lacking)) if !table.has(lacking) => {
+                Err(heliostats.error(given, single(given, lacking)))
+            }
+            _ => Ok(()),
+        }
+    }
+
     fn heliostat(&self, pivot: Enu, aim: Enu) -> Heliostat {
         let [
             offset,
@@ -121,10 +145,11 @@ pub(super) fn rows(table: &Keyed, context: &Context<'_>) -> Result<Vec<Row>, IoE
             Aim::Point(point) => point,
             Aim::Target(number) => context.targets[number].1,
         };
-        let heliostat = context
-            .defaults
-            .of_row(table, row, &id)?
-            .heliostat(pivot, point);
+        let quantities = context.defaults.of_row(table, row, &id)?;
+        if let Some((given, lacking)) = quantities.one_sided() {
+            return Err(table.row_error(row, &id, single(given, lacking)));
+        }
+        let heliostat = quantities.heliostat(pivot, point);
         check_limits(table, row, &id, &heliostat.limits)?;
         rows.push(Row {
             id: id.into_owned(),
@@ -181,6 +206,14 @@ fn aim(table: &Keyed, context: &Context<'_>, row: usize, id: &str) -> Result<Aim
             )))
         }
     }
+}
+
+fn single(given: &keys::Key, lacking: &keys::Key) -> Problem {
+    let message = format!(
+        "{} is given without {}: a moving axis has two stops; give both",
+        given.name, lacking.name
+    );
+    Problem::Conflict { message }
 }
 
 fn check_limits(table: &Keyed, row: usize, id: &str, limits: &AxisLimits) -> Result<(), IoError> {

@@ -12,7 +12,7 @@ use helio_core::angle::radians;
 use helio_core::drive::Drive;
 use helio_core::{AxisLimits, Enu, EnuUnit, Field, Heliostat, TargetPlane, TrackingMode};
 
-pub use calibration::CalibrationSchedule;
+pub use calibration::{CalibrationSchedule, Lapse};
 pub use site::{Site, Target, TargetArea};
 
 use crate::error::{IoError, Problem, said};
@@ -93,7 +93,9 @@ impl LoadedField {
 /// The keys are those of [`schema`](crate::schema). The heliostat table has a row per heliostat with
 /// `id, east_m, north_m, up_m` (the pivot) and any of the quantities that can stand in `[heliostats]`
 /// as a default for all; an empty cell falls back to the default. Limits stated and the range of a
-/// drive ([`Drive::range_rad`]) both hold: what they have in common becomes the heliostat's limits.
+/// drive ([`Drive::range_rad`]) both hold: what they have in common becomes the heliostat's limits. A
+/// drive whose ends lie more than 3600° apart is a counter: its range limits no angle, though an angle
+/// beyond it has no steps. The second axis has two limits or none.
 /// A calibration table overrides the layout; empty cells of it leave the layout's value.
 ///
 /// # Errors
@@ -157,6 +159,7 @@ pub fn load_field(path: &Path) -> Result<LoadedField, IoError> {
     };
     let blend_deg = heliostats.number(&keys::BLEND)?.unwrap_or(BLEND_DEG);
     let layout = layout_table(&heliostats, &mut files)?;
+    context.defaults.check_sides(&heliostats, &layout)?;
     let rows = layout::rows(&layout, &context)?;
 
     let mut ids = Vec::with_capacity(rows.len());
@@ -343,21 +346,44 @@ fn layout_table(heliostats: &Section<'_>, files: &mut Vec<PathBuf>) -> Result<Ke
     Keyed::new(table, keys::LAYOUT, &naming)
 }
 
+/// Greatest distance between the ends of a drive that are taken for stops \[rad\]: no mechanism
+/// turns ten times, but counters of 32 bits go much farther.
+const WIDEST_RAD: f64 = 20.0 * std::f64::consts::PI;
+
+/// The range of a drive as far as it limits its axis.
+///
+/// An end of a counter still tells on which side of it the first axis' angle is to be given; the
+/// second is not turned round.
+fn stops((low, high): (f64, f64), axis: usize) -> (f64, f64) {
+    if !(low.is_finite() && high.is_finite() && high - low > WIDEST_RAD) {
+        return (low, high);
+    }
+    let near = |end: f64| axis == 0 && end.abs() <= 0.5 * WIDEST_RAD;
+    (
+        if near(low) { low } else { f64::NEG_INFINITY },
+        if near(high) { high } else { f64::INFINITY },
+    )
+}
+
 /// What the stated limits and the reach of the drives have in common.
 fn within_drives(stated: AxisLimits, drives: &[Option<Drive>; 2]) -> Result<AxisLimits, Problem> {
-    let range = |drive: &Option<Drive>| {
-        drive
-            .as_ref()
-            .map_or((f64::NEG_INFINITY, f64::INFINITY), Drive::range_rad)
-    };
-    let (axis1, axis2) = (range(&drives[0]), range(&drives[1]));
+    let [axis1, axis2] = [0, 1].map(|axis| {
+        let range = drives[axis].as_ref().map(Drive::range_rad);
+        range.map_or((f64::NEG_INFINITY, f64::INFINITY), |range| {
+            stops(range, axis)
+        })
+    });
     let reach = AxisLimits {
         axis1_min_rad: axis1.0,
         axis1_max_rad: axis1.1,
         axis2_min_rad: axis2.0,
         axis2_max_rad: axis2.1,
     };
-    let both = stated.intersect(reach);
+    let mut both = stated.intersect(reach);
+    if both.axis2_min_rad.is_finite() != both.axis2_max_rad.is_finite() {
+        // One end of a drive is no pair of stops; what lies beyond it has no steps all the same.
+        (both.axis2_min_rad, both.axis2_max_rad) = (f64::NEG_INFINITY, f64::INFINITY);
+    }
     for (axis, least, greatest, stated, drive) in [
         (
             1,

@@ -39,6 +39,10 @@ pub(super) fn read(path: &Path, bytes: Vec<u8>) -> Result<(Vec<String>, Records)
             problem,
         )
     };
+    if text.trim_start().starts_with(['[', '{']) {
+        let message = "it looks like JSON, which is not read; give CSV or Parquet".to_string();
+        return Err(at(None, Problem::Conflict { message }));
+    }
     // Ragged rows are found below, in words of ours.
     let mut reader = csv::ReaderBuilder::new()
         .has_headers(false)

@@ -42,6 +42,18 @@ fn present_angles_come_in_field_order() {
 }
 
 #[test]
+fn the_axes_stand_where_the_last_sun_left_them() {
+    let loaded = Folder::of_field().load().unwrap();
+    let text = "time,id,azimuth_deg,elevation_deg,beam_error_mrad,status\n\
+        2026-06-21T12:00:00Z,A1,10,20,0.1,ok\n2026-06-21T12:00:00Z,A2,30,40,,ok\n\
+        2026-06-21T13:00:00Z,A1,50,60,0.1,ok\n2026-06-21T13:00:00Z,A2,,,,misses_target\n";
+    let folder = Folder::new().with("now.csv", text);
+    let present = load_present(&folder.path("now.csv"), &loaded.field).unwrap();
+    assert_eq!(present.axis1_rad[..2], [50.0, 30.0].map(radians));
+    assert_eq!(present.axis2_rad[..2], [60.0, 40.0].map(radians));
+}
+
+#[test]
 fn angles_as_degrees_as_steps_and_as_track_wrote_them() {
     let drives = "[heliostats.drive.axis1]\ntype = \"encoder\"\nsteps_per_deg = 100\n\
         [heliostats.drive.axis2]\ntype = \"encoder\"\nsteps_per_deg = 200\n";

@@ -246,6 +246,31 @@ fn drives_of_every_type_from_toml() {
 }
 
 #[test]
+fn a_counter_is_no_stop() {
+    let drives = "[heliostats.drive.axis1]\ntype = \"encoder\"\nsteps_per_deg = 100\nmin_steps = 0\n\
+        max_steps = 4294967295\n[heliostats.drive.axis2]\ntype = \"encoder\"\nsteps_per_deg = 100\n\
+        min_steps = 0\nmax_steps = 4294967295\n";
+    let limits = |stated: &str| {
+        let loaded = Folder::of_field()
+            .edited(&[], &format!("{stated}{drives}"))
+            .load()
+            .unwrap();
+        let l = loaded.field.heliostats()[0].limits;
+        [
+            l.axis1_min_rad,
+            l.axis1_max_rad,
+            l.axis2_min_rad,
+            l.axis2_max_rad,
+        ]
+    };
+    let infinite = f64::INFINITY;
+    assert_eq!(limits(""), [0.0, infinite, -infinite, infinite]);
+    let stated =
+        "axis1_min_deg = 90\naxis1_max_deg = 270\naxis2_min_deg = -5\naxis2_max_deg = 95\n";
+    assert_eq!(limits(stated), [90.0, 270.0, -5.0, 95.0].map(radians));
+}
+
+#[test]
 fn drives_from_a_table_fall_back_cell_by_cell() {
     let toml = "drives = \"drives.csv\"\naxis1_min_deg = -20\n\
         [heliostats.drive.axis1]\nsign = -1\nsteps_per_deg = 100\n\

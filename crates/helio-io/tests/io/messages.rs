@@ -419,6 +419,40 @@ fn drives() {
         &[],
         &format!("axis1_max_deg = 5\n{}", axis(encoder)),
     );
+    let screw = "type = \"screw\"\narm_a_m = 0.4\narm_b_m = 0.5\nbracket_deg = 17\nmin_steps = 0\n";
+    m.toml(
+        "screw without steps in a metre",
+        &[],
+        &axis(&format!("{screw}zero_length_m = 0.2")),
+    );
+    m.toml(
+        "screw in millimetres",
+        &[],
+        &axis(&format!("{screw}zero_length_m = 200\nsteps_per_m = 1000")),
+    );
+    m.toml(
+        "triangle that its steps never close",
+        &[],
+        &axis(&triangle.replace("0.8", "0.5"))
+            .replace("clock", "max_increment_steps = -600\nclock"),
+    );
+    m.toml(
+        "stops apart from the steps",
+        &[],
+        &axis(&triangle.replace("0.8", "0.3")).replace(
+            "clock",
+            "min_increment_steps = 0\nmax_increment_steps = 100\nmin_movement_angle_rad = 2\nclock",
+        ),
+    );
+    m.toml("one stop of axis 2", &[], "axis2_min_deg = 0\n");
+    m.toml("the other stop of axis 2", &[], "axis2_max_deg = 90\n");
+    m.field(
+        "one stop of axis 2 in a row",
+        Folder::of_field().edited(&[], "axis2_min_deg = 0\n").with(
+            "layout.csv",
+            "id,east_m,north_m,up_m,axis2_max_deg\nA1,10,80,4,90\nA2,20,80,4,\n",
+        ),
+    );
     let table = |text: &str| {
         Folder::of_field()
             .edited(&[], "drives = \"drives.csv\"\n")
@@ -553,6 +587,8 @@ fn small_tables() {
         "present: id twice",
         "id,azimuth_deg,elevation_deg\nA1,1,2\nA1,1,2\n",
     );
+    present("present: JSON", "[{\"id\": \"A1\"}]\n");
+    present("present: JSON lines", "{\"id\": \"A1\"}\n");
     let mut angles = |title: &str, text: &str| {
         let folder = Folder::new().with("angles.csv", text);
         let result = load_angles(&folder.path("angles.csv"), &loaded);
