@@ -291,7 +291,10 @@ def measure_sun(plan: Plan, measured: Measured, first: bool) -> None:
             command += ["--repeat", str(max(plan.repeat_python // 2, 1)), "--output", str(theirs)]
             line = run_lines(*command, *(["--numba"] if numba else []))[-1]
             if first:
-                line["greatest_difference_deg"] = sun_difference_deg(ours, theirs, line["n"])
+                far = line["greatest_difference_deg"] = sun_difference_deg(ours, theirs, line["n"])
+                if not far <= SUN_TOLERANCE_DEG:
+                    measured.excluded.add(line["peer"])
+                    say(f"{line['peer']} disagrees on sun positions: {far:.1e} deg")
             else:
                 key = f"{line['peer']} {threads}"
                 line["greatest_difference_deg"] = measured.sun[key]["greatest_difference_deg"]
@@ -471,7 +474,7 @@ def sun_table(m: Measured) -> list[str]:
     rows = []
 
     def add(title: str, key: str, difference: str) -> None:
-        if key in m.sun:
+        if key in m.sun and key.split()[0] not in m.excluded:
             ns = m.sun[key]["ns_per_instant"]["minimum"]
             ratio = ns / ours["ns_per_instant"]["minimum"]
             far = m.sun[key].get(difference)
