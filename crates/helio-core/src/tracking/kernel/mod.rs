@@ -73,7 +73,7 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// Sun along the mount's axes for the rows of a group.
+/// Sun along the mount's axes, for some rows of the field.
 pub(crate) trait SunSource: Copy {
     /// Half the unit vector to the sun.
     fn half_sun<L: Lanes>(self, block: usize, lane: usize) -> [L; 3];
