@@ -1,0 +1,56 @@
+//! Errors of wrong calls. A fit that stopped early is no error: see [`Stop`](crate::Stop).
+
+use crate::parameters::Parameter;
+
+/// A wrong call of a calibration function.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum CalibrationError {
+    /// A number of an observation is NaN, infinite or outside its range.
+    #[error("observation {row}: {what} must be {wanted}, got {value}")]
+    BadValue {
+        /// Which observation, counted from 0.
+        row: usize,
+        /// The quantity, as in the glossary.
+        what: &'static str,
+        /// The range it must lie in.
+        wanted: &'static str,
+        /// What was given.
+        value: f64,
+    },
+    /// Fewer observations than the parameters that are to be found need.
+    #[error(
+        "{found} observations cannot give {parameters} parameters: at least {wanted} are needed"
+    )]
+    TooFew {
+        /// How many there are.
+        found: usize,
+        /// How many are needed.
+        wanted: usize,
+        /// How many parameters are free.
+        parameters: usize,
+    },
+    /// An option that makes no sense.
+    #[error("{what} must be {wanted}, got {value}")]
+    BadOption {
+        /// The option.
+        what: &'static str,
+        /// The range it must lie in.
+        wanted: &'static str,
+        /// What was given.
+        value: f64,
+    },
+    /// A prior that makes no sense.
+    #[error("prior of {}: its mean must be finite and its standard deviation positive, got {mean} and {sigma}", parameter.as_str())]
+    BadPrior {
+        /// Of which parameter.
+        parameter: Parameter,
+        /// Its mean.
+        mean: f64,
+        /// Its standard deviation.
+        sigma: f64,
+    },
+    /// Nothing is free.
+    #[error("every parameter is held: there is nothing to fit")]
+    NothingFree,
+}

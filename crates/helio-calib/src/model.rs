@@ -1,0 +1,286 @@
+//! Where a spot lands, and how that depends on each parameter: the one formula of this crate.
+
+use core::ops::{Add, Div, Mul, Neg, Sub};
+
+use crate::observation::Sighting;
+use crate::parameters::{COUNT, Parameters};
+
+/// What the formula computes with: a number, some lanes of numbers, or a number with derivatives.
+pub trait Real:
+    Copy
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+{
+    /// The same number everywhere.
+    fn splat(value: f64) -> Self;
+    /// self · factor + addend.
+    #[must_use]
+    fn mul_add(self, factor: Self, addend: Self) -> Self;
+    /// Sine and cosine, in this order.
+    fn sin_cos(self) -> (Self, Self);
+}
+
+impl Real for f64 {
+    #[inline(always)]
+    fn splat(value: f64) -> Self {
+        value
+    }
+    #[inline(always)]
+    fn mul_add(self, factor: Self, addend: Self) -> Self {
+        libm::fma(self, factor, addend)
+    }
+    #[inline(always)]
+    fn sin_cos(self) -> (Self, Self) {
+        libm::sincos(self)
+    }
+}
+
+#[inline(always)]
+fn dot<T: Real>(a: [T; 3], b: [T; 3]) -> T {
+    a[2].mul_add(b[2], a[1].mul_add(b[1], a[0] * b[0]))
+}
+
+/// A row vector times a matrix: c A.
+#[inline(always)]
+fn row_times<T: Real>(c: [T; 3], matrix: &[[T; 3]; 3]) -> [T; 3] {
+    core::array::from_fn(|k| {
+        c[2].mul_add(
+            matrix[2][k],
+            c[1].mul_add(matrix[1][k], c[0] * matrix[0][k]),
+        )
+    })
+}
+
+/// sin(psi)/psi and (1 - cos(psi))/psi² as functions of psi², each with its derivative. The power series
+/// serve any tilt up to half a turn.
+#[inline(always)]
+fn tilt_functions<T: Real>(square: T) -> [[T; 2]; 2] {
+    [[1.0, 2.0], [0.5, 3.0]].map(|[first, start]| {
+        // coefficients (-1)^n / (2n + 1)! and (-1)^n / (2n + 2)!
+        const TERMS: usize = 15;
+        let mut coefficients = [first; TERMS];
+        for n in 1..TERMS {
+            let k = start + 2.0 * (n as f64 - 1.0);
+            coefficients[n] = -coefficients[n - 1] / (k * (k + 1.0));
+        }
+        let mut value = T::splat(coefficients[TERMS - 1]);
+        let mut slope = T::splat(0.0);
+        for &coefficient in coefficients[..TERMS - 1].iter().rev() {
+            slope = slope.mul_add(square, value);
+            value = value.mul_add(square, T::splat(coefficient));
+        }
+        [value, slope]
+    })
+}
+
+/// Parameters made ready for many sightings.
+#[derive(Debug, Clone, Copy)]
+pub struct Pose<T> {
+    /// A, and its derivatives by the two components of the tilt.
+    tilt: [[[T; 3]; 3]; 3],
+    azimuth_reference: [T; 2],
+    elevation_reference: [T; 2],
+    nonorthogonality: [T; 2],
+    mirror_tilt: [T; 2],
+    mirror_offset_m: T,
+}
+
+#[inline(always)]
+fn cos_sin<T: Real>(angle: T) -> [T; 2] {
+    let (sine, cosine) = angle.sin_cos();
+    [cosine, sine]
+}
+
+impl Pose<f64> {
+    /// Of one heliostat.
+    #[must_use]
+    pub fn of(parameters: &Parameters) -> Self {
+        Self::new(parameters.values)
+    }
+}
+
+impl<T: Real> Pose<T> {
+    /// From values in the order of [`Parameter::ALL`](crate::Parameter::ALL).
+    #[inline(always)]
+    #[must_use]
+    pub fn new(values: [T; COUNT]) -> Self {
+        let [a, b, gamma0, tau1, alpha0, mu, mirror_offset_m] = values;
+        let (zero, one, two) = (T::splat(0.0), T::splat(1.0), T::splat(2.0));
+        // A = [[1 - h a², -h a b, -k a], [-h a b, 1 - h b², -k b], [k a, k b, cos(psi_t)]],
+        // cos(psi_t) = 1 - h psi_t²
+        let square = a * a + b * b;
+        let [[k, dk], [h, dh]] = tilt_functions(square);
+        let matrix = [
+            [one - h * a * a, -(h * a * b), -(k * a)],
+            [-(h * a * b), one - h * b * b, -(k * b)],
+            [k * a, k * b, one - h * square],
+        ];
+        // by a: psi_t² grows with 2 a
+        let by = |x: T, da: T, db: T| {
+            let (kx, hx) = (dk * two * x, dh * two * x);
+            let aa = -(hx * a * a) - two * h * a * da;
+            let ab = -(hx * a * b) - h * (da * b + a * db);
+            let bb = -(hx * b * b) - two * h * b * db;
+            let ka = kx * a + k * da;
+            let kb = kx * b + k * db;
+            let cc = -(hx * square) - two * h * x;
+            [[aa, ab, -ka], [ab, bb, -kb], [ka, kb, cc]]
+        };
+        Self {
+            tilt: [matrix, by(a, one, zero), by(b, zero, one)],
+            azimuth_reference: cos_sin(gamma0),
+            elevation_reference: cos_sin(alpha0),
+            nonorthogonality: cos_sin(tau1),
+            mirror_tilt: cos_sin(mu),
+            mirror_offset_m,
+        }
+    }
+}
+
+/// cos and sin of a difference of angles.
+#[inline(always)]
+fn turned_back<T: Real>([cosine, sine]: [T; 2], [cos0, sin0]: [T; 2]) -> [T; 2] {
+    [
+        sine.mul_add(sin0, cosine * cos0),
+        sine.mul_add(cos0, -(cosine * sin0)),
+    ]
+}
+
+/// A normal and its derivatives.
+#[derive(Debug, Clone, Copy)]
+pub struct Normal<T> {
+    /// The mirror's normal along the mount's axes.
+    pub n: [T; 3],
+    /// dn by the first six parameters.
+    pub slopes: [[T; 3]; 6],
+}
+
+/// Guo 2015 eq. (29) and its derivatives: n = c A, c = d turned by gamma,
+/// d = (cos(mu) cos(alpha), sin(mu), cos(mu) sin(alpha)) turned by tau1.
+#[inline(always)]
+#[must_use]
+pub fn normal<T: Real>(pose: &Pose<T>, sighting: &Sighting<T>) -> Normal<T> {
+    let [cos_gamma, sin_gamma] = turned_back(sighting.axis1, pose.azimuth_reference);
+    let [cos_alpha, sin_alpha] = turned_back(sighting.axis2, pose.elevation_reference);
+    let [cos_tau, sin_tau] = pose.nonorthogonality;
+    let [cos_mu, sin_mu] = pose.mirror_tilt;
+    let by_tau = |e: [T; 3]| {
+        [
+            e[0],
+            cos_tau.mul_add(e[1], -(sin_tau * e[2])),
+            sin_tau.mul_add(e[1], cos_tau * e[2]),
+        ]
+    };
+    let by_gamma = |d: [T; 3]| {
+        [
+            cos_gamma.mul_add(d[0], -(sin_gamma * d[1])),
+            sin_gamma.mul_add(d[0], cos_gamma * d[1]),
+            d[2],
+        ]
+    };
+    let zero = T::splat(0.0);
+    let (forward, upward) = (cos_mu * cos_alpha, cos_mu * sin_alpha);
+    let d = by_tau([forward, sin_mu, upward]);
+    let c = by_gamma(d);
+    let [matrix, by_a, by_b] = &pose.tilt;
+    // both encoder angles count from their references: the signs are turned
+    let by_alpha0 = by_gamma(by_tau([upward, zero, -forward]));
+    let by_mu = by_gamma(by_tau([
+        -(sin_mu * cos_alpha),
+        cos_mu,
+        -(sin_mu * sin_alpha),
+    ]));
+    let by_tau1 = by_gamma([zero, -d[2], d[1]]);
+    Normal {
+        n: row_times(c, matrix),
+        slopes: [
+            row_times(c, by_a),
+            row_times(c, by_b),
+            row_times([c[1], -c[0], zero], matrix),
+            row_times(by_tau1, matrix),
+            row_times(by_alpha0, matrix),
+            row_times(by_mu, matrix),
+        ],
+    }
+}
+
+/// A predicted spot against the observed one.
+#[derive(Debug, Clone, Copy)]
+pub struct Landing<T> {
+    /// Predicted less observed, right and down \[m\]. Not weighted.
+    pub residual_m: [T; 2],
+    /// Its derivatives by the seven parameters.
+    pub slopes: [[T; COUNT]; 2],
+    /// s·n: positive where the sun is before the mirror.
+    pub cos_incidence: T,
+    /// nt·r: negative where the beam comes from the target's front.
+    pub facing: T,
+    /// Way of the beam \[m\]: positive where the target is before the mirror.
+    pub beam_m: T,
+}
+
+/// Guo 2015 §4.2 and its derivatives:
+/// r = -s + 2 (s·n) n; lambda = (nt·t0 - Hz nt·n)/(nt·r); OT = Hz n + lambda r;
+/// d = Hz dn + 2 lambda ((s·dn) n + (s·n) dn); dOT = d - r (nt·d)/(nt·r).
+#[inline(always)]
+#[must_use]
+pub fn landing<T: Real>(pose: &Pose<T>, sighting: &Sighting<T>) -> Landing<T> {
+    let Normal { n, slopes } = normal(pose, sighting);
+    let [plane_normal, right, down] = sighting.plane;
+    let offset = pose.mirror_offset_m;
+    let two = T::splat(2.0);
+    let cos_incidence = dot(sighting.sun, n);
+    let double = two * cos_incidence;
+    let r: [T; 3] = core::array::from_fn(|k| double.mul_add(n[k], -sighting.sun[k]));
+    let facing = dot(plane_normal, r);
+    let along = dot(plane_normal, n);
+    let per_facing = T::splat(1.0) / facing;
+    let beam_m = (sighting.centre_along_normal_m - offset * along) * per_facing;
+    let spot: [T; 3] = core::array::from_fn(|k| offset.mul_add(n[k], beam_m * r[k]));
+    // What a move of the beam's end does on the plane: along xi and eta, sheared by the beam's slant.
+    let slant = [dot(right, r) * per_facing, dot(down, r) * per_facing];
+    let on_plane: [[T; 3]; 2] = [
+        core::array::from_fn(|k| right[k] - slant[0] * plane_normal[k]),
+        core::array::from_fn(|k| down[k] - slant[1] * plane_normal[k]),
+    ];
+    // d = (Hz + 2 lambda s·n) dn + 2 lambda (s·dn) n: both products taken once for all parameters
+    let stretch = beam_m.mul_add(double, offset);
+    let turn: [[T; 3]; 2] = [0, 1].map(|i| {
+        let pull = two * beam_m * dot(on_plane[i], n);
+        core::array::from_fn(|k| stretch.mul_add(on_plane[i][k], pull * sighting.sun[k]))
+    });
+    let by = |i: usize, parameter: usize| {
+        if parameter < 6 {
+            dot(turn[i], slopes[parameter])
+        } else {
+            dot(on_plane[i], n)
+        }
+    };
+    Landing {
+        residual_m: [
+            dot(right, spot) - sighting.spot_m[0],
+            dot(down, spot) - sighting.spot_m[1],
+        ],
+        slopes: [
+            core::array::from_fn(|parameter| by(0, parameter)),
+            core::array::from_fn(|parameter| by(1, parameter)),
+        ],
+        cos_incidence,
+        facing,
+        beam_m,
+    }
+}
+
+impl Landing<f64> {
+    /// True if the beam comes from the mirror's front and meets the target's.
+    #[must_use]
+    pub fn hits(&self) -> bool {
+        self.cos_incidence > 0.0
+            && self.facing < 0.0
+            && self.beam_m > 0.0
+            && self.residual_m.iter().all(|r| r.is_finite())
+    }
+}
