@@ -9,6 +9,7 @@
 pub mod cases;
 pub mod data;
 pub mod dd;
+pub mod juelich;
 pub mod mount;
 pub mod normal;
 pub mod rng;

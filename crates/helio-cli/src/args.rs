@@ -55,7 +55,8 @@ pub(crate) enum Verb {
     Check(CheckArgs),
     Track(TrackArgs),
     Predict(PredictArgs),
-    /// Make synthetic fields
+    Calibrate(CalibrateArgs),
+    /// Make synthetic fields and observations
     Simulate {
         #[command(subcommand)]
         what: Simulate,
@@ -72,9 +73,13 @@ impl Verb {
             Self::Check(check) => check.quiet,
             Self::Track(track) => track.out.quiet,
             Self::Predict(predict) => predict.out.quiet,
+            Self::Calibrate(calibrate) => calibrate.out.quiet,
             Self::Simulate {
                 what: Simulate::Field(field),
             } => field.quiet,
+            Self::Simulate {
+                what: Simulate::Observations(observations),
+            } => observations.out.quiet,
             Self::Schema => false,
         }
     }
@@ -201,6 +206,111 @@ pub(crate) struct PredictArgs {
     pub(crate) out: OutArgs,
 }
 
+/// Angular errors of every heliostat from camera observations of its spot
+///
+/// Reads a table of observations: heliostat_id, time (or sun_azimuth_deg, sun_elevation_deg),
+/// axis1_deg, axis2_deg (or azimuth_deg, elevation_deg; or axis1_steps, axis2_steps with a drive),
+/// target, u_m, v_m (or spot_east_m, spot_north_m, spot_up_m) and, optionally, sigma_m. Writes a row
+/// for each heliostat with observations (and each set of parameters): the six errors, how well each
+/// is known, and how well the beams are told; field.toml takes the table as [heliostats]
+/// calibration. Rows that are not ok have no numbers, so that the layout's errors stay.
+///
+/// Finished heliostats are kept in OUT.part until the table is written: an interrupted run goes on
+/// from there with --resume, to the same bytes.
+#[derive(Debug, ClapArgs)]
+#[command(
+    after_help = "Example:\n  helio-rs simulate observations --field examples/field.toml \
+                        --heliostats 3 --random-errors --seed 7 --out observations.csv\n  \
+                        helio-rs calibrate --field examples/field.toml --observations \
+                        observations.csv --out calibration.csv"
+)]
+pub(crate) struct CalibrateArgs {
+    /// The field.toml
+    #[arg(long, value_name = "FILE")]
+    pub(crate) field: PathBuf,
+    /// Table of observations
+    #[arg(long, value_name = "FILE")]
+    pub(crate) observations: PathBuf,
+    #[command(flatten)]
+    pub(crate) fit: FitArgs,
+    /// A page to look at: before and after, residuals, parameters, rejected records; .html
+    #[arg(long, value_name = "FILE")]
+    pub(crate) report: Option<PathBuf>,
+    /// An earlier calibration table: say what changed, by how many mrad over the year, and whether
+    /// significantly
+    #[arg(long, value_name = "FILE")]
+    pub(crate) compare: Option<PathBuf>,
+    /// File for the list of rejected records
+    #[arg(long, value_name = "FILE")]
+    pub(crate) rejected: Option<PathBuf>,
+    /// Go on with an interrupted run of the same inputs and options
+    #[arg(long, requires = "out")]
+    pub(crate) resume: bool,
+    #[command(flatten)]
+    pub(crate) out: OutArgs,
+}
+
+/// How to fit.
+#[derive(Debug, ClapArgs)]
+pub(crate) struct FitArgs {
+    /// Least-squares solver of Guo 2015
+    #[arg(long, value_name = "SOLVER", default_value = "hartley-meyer")]
+    pub(crate) solver: SolverWord,
+    /// What is made small: both components of each spot, or their distance as in the paper
+    #[arg(long, value_name = "FORM", default_value = "components")]
+    pub(crate) residual: ResidualWord,
+    /// How much large residuals count in the last fit
+    #[arg(long, value_name = "LOSS", default_value = "none")]
+    pub(crate) robust: RobustWord,
+    /// Fit the mirror offset as a seventh parameter
+    #[arg(long)]
+    pub(crate) fit_mirror_offset: bool,
+    /// Parameters to keep as the field states them, separated by commas: pedestal_tilt,
+    /// axis_nonorthogonality, mirror_tilt, azimuth_reference, elevation_reference
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub(crate) hold: Vec<String>,
+    /// What is known of a parameter: NAME=MEAN:SD, degrees (metres for mirror_offset); may be
+    /// repeated
+    #[arg(long, value_name = "NAME=MEAN:SD", allow_hyphen_values = true)]
+    pub(crate) prior: Vec<String>,
+    /// Keep every record that is a number
+    #[arg(long)]
+    pub(crate) keep_all: bool,
+    /// Do not look for jumps of the encoder references
+    #[arg(long)]
+    pub(crate) no_jumps: bool,
+    /// Refuse parameters whose predicted pointing uncertainty over the year is larger, in mrad
+    #[arg(long, value_name = "MRAD", default_value = "2", value_parser = mrad)]
+    pub(crate) max_year_pointing_mrad: f64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SolverWord {
+    HartleyMeyer,
+    GaussNewton,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ResidualWord {
+    Components,
+    Distance,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum RobustWord {
+    None,
+    Huber,
+    StudentT,
+    Cauchy,
+}
+
+/// The word that somebody types for a value.
+pub(crate) fn word(value: impl ValueEnum) -> String {
+    value
+        .to_possible_value()
+        .map_or(String::new(), |value| value.get_name().to_owned())
+}
+
 /// One sun.
 #[derive(Debug, ClapArgs)]
 pub(crate) struct SunArgs {
@@ -236,7 +346,87 @@ pub(crate) struct OutArgs {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Simulate {
     Field(SimulateFieldArgs),
+    Observations(SimulateObservationsArgs),
 }
+
+/// Synthetic camera observations of a field: what calibrate reads
+///
+/// Each heliostat is seen on the targets that have a plane and face it, at random times. Its true
+/// errors are those of the field, or drawn at random with --random-errors; --truth writes them
+/// down. The same options give the same observations.
+#[derive(Debug, ClapArgs)]
+#[command(
+    after_help = "Example:\n  helio-rs simulate observations --field examples/field.toml \
+                        --heliostats 3 --count 40 --random-errors --seed 7 --out observations.csv"
+)]
+pub(crate) struct SimulateObservationsArgs {
+    /// The field.toml
+    #[arg(long, value_name = "FILE")]
+    pub(crate) field: PathBuf,
+    /// Heliostats to observe, evenly over the field [default: all]
+    #[arg(long, value_name = "N", conflicts_with = "ids", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) heliostats: Option<u32>,
+    /// Heliostats to observe, separated by commas
+    #[arg(long, value_name = "IDS", value_delimiter = ',')]
+    pub(crate) ids: Option<Vec<String>>,
+    /// Targets to see spots on, separated by commas [default: all that have a plane]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub(crate) target: Option<Vec<String>>,
+    /// Observations of each heliostat
+    #[arg(long, value_name = "N", default_value = "50", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub(crate) count: u32,
+    /// Of all random numbers
+    #[arg(long, value_name = "N", default_value = "1")]
+    pub(crate) seed: u64,
+    /// No observation is earlier
+    #[arg(long, value_name = "TIME", default_value = "2025-01-01T00:00:00Z")]
+    pub(crate) from: String,
+    /// All observations are earlier
+    #[arg(long, value_name = "TIME", default_value = "2026-01-01T00:00:00Z")]
+    pub(crate) to: String,
+    /// On so many days only, chosen at random
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub(crate) days: Option<u32>,
+    /// Local solar time from and to, in hours, such as 9-15
+    #[arg(long, value_name = "HOURS", default_value = "0-24", value_parser = hours)]
+    pub(crate) hours: Hours,
+    /// Lowest sun, in degrees
+    #[arg(long, value_name = "DEG", default_value = "10", value_parser = elevation)]
+    pub(crate) min_sun_elevation_deg: f64,
+    /// One standard deviation of either component of the spot, as seen from the heliostat
+    #[arg(long, value_name = "MRAD", default_value = "0.5", value_parser = any_mrad)]
+    pub(crate) noise_mrad: f64,
+    /// Share of observations whose spot is found in a wrong place, 0 to 1
+    #[arg(long, value_name = "SHARE", default_value = "0", value_parser = share)]
+    pub(crate) outliers: f64,
+    /// By how much: from this to twice this
+    #[arg(long, value_name = "MRAD", default_value = "10", value_parser = any_mrad)]
+    pub(crate) outlier_mrad: f64,
+    /// Share of observations that are a neighbour's, 0 to 1
+    #[arg(long, value_name = "SHARE", default_value = "0", value_parser = share)]
+    pub(crate) wrong_heliostat: f64,
+    /// Share of observations that name another target than the one lit, 0 to 1
+    #[arg(long, value_name = "SHARE", default_value = "0", value_parser = share)]
+    pub(crate) wrong_target: f64,
+    /// A jump of the encoder references, TIME,AXIS1_MRAD,AXIS2_MRAD; may be repeated
+    #[arg(long, value_name = "JUMP", allow_hyphen_values = true)]
+    pub(crate) jump: Vec<String>,
+    /// Draw the true errors at random instead of taking the field's: some milliradians each
+    #[arg(long)]
+    pub(crate) random_errors: bool,
+    /// Write motor steps instead of angles, where there is a drive
+    #[arg(long)]
+    pub(crate) steps: bool,
+    /// File for the true errors, as a calibration table
+    #[arg(long, value_name = "FILE")]
+    pub(crate) truth: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) out: OutArgs,
+}
+
+/// Local solar time, from and to \[h\].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Hours(pub(crate) [f64; 2]);
 
 /// A generated layout: a table of heliostats
 ///
@@ -331,6 +521,30 @@ fn azimuth(text: &str) -> Result<f64, String> {
 
 fn elevation(text: &str) -> Result<f64, String> {
     number(text, -90.0, 90.0, "degrees")
+}
+
+fn any_mrad(text: &str) -> Result<f64, String> {
+    number(text, 0.0, 1e6, "milliradians")
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    number(text, 0.0, 1.0, "parts of one")
+}
+
+fn hours(text: &str) -> Result<Hours, String> {
+    let wanted = "wanted two hours of the day with - between them, such as 9-15";
+    let (from, to) = text.split_once('-').ok_or(wanted)?;
+    let hour = |text: &str| number(text.trim(), 0.0, 24.0, "hours").map_err(|_| wanted.to_owned());
+    let (from, to) = (hour(from)?, hour(to)?);
+    if from < to {
+        Ok(Hours([from, to]))
+    } else {
+        Err(wanted.to_owned())
+    }
+}
+
+fn mrad(text: &str) -> Result<f64, String> {
+    number(text, 1e-6, 1e6, "milliradians")
 }
 
 fn positive_m(text: &str) -> Result<f64, String> {

@@ -2,7 +2,9 @@
 
 use std::error::Error;
 use std::fmt;
+use std::path::PathBuf;
 
+use helio_calib::CalibrationError;
 use helio_core::error::{FieldError, FrameError, TrackError};
 use helio_core::sun::SunError;
 use helio_io::IoError;
@@ -27,6 +29,20 @@ pub(crate) enum Failure {
     /// What was asked for cannot be done; the whole sentence.
     #[error("{0}")]
     Refused(String),
+    #[error(transparent)]
+    Calibration(#[from] CalibrationError),
+    /// The user stopped it, and what was done is kept.
+    #[error(
+        "interrupted; {done} of {of} heliostats are finished in {}: repeat the command with --resume", path.display()
+    )]
+    Paused {
+        /// Heliostats finished.
+        done: usize,
+        /// Heliostats to do.
+        of: usize,
+        /// Where they are kept.
+        path: PathBuf,
+    },
     /// The user stopped it.
     #[error("interrupted; {}", written(*.streamed))]
     Interrupted {
@@ -56,7 +72,7 @@ impl Failure {
     pub(crate) fn exit_code(&self) -> u8 {
         match self {
             // As shells report a program that ended by this signal.
-            Self::Interrupted { .. } => 130,
+            Self::Interrupted { .. } | Self::Paused { .. } => 130,
             _ => 2,
         }
     }

@@ -3,6 +3,7 @@
 //! `args` holds what was typed, `plan` what it means, `commands` does it, `printer` talks.
 
 mod args;
+mod calibration;
 mod commands;
 mod failure;
 mod plan;
@@ -58,6 +59,7 @@ fn run(args: &Args, printer: &Printer) -> Result<Outcome, Failure> {
         Verb::Check(check) => commands::check::run(check, printer),
         Verb::Track(track) => commands::track::run(track, printer),
         Verb::Predict(predict) => commands::predict::run(predict, printer),
+        Verb::Calibrate(calibrate) => commands::calibrate::run(calibrate, printer),
         Verb::Simulate { what } => commands::simulate::run(what, printer),
         Verb::Schema => commands::schema::run(printer),
     }

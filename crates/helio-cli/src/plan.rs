@@ -366,7 +366,7 @@ pub(crate) fn format(out: Option<&Path>, word: Option<FormatWord>) -> Result<For
     }
 }
 
-fn is_stdout(path: &Path) -> bool {
+pub(crate) fn is_stdout(path: &Path) -> bool {
     path == Path::new("-")
 }
 
@@ -378,7 +378,10 @@ pub(crate) fn interrupted(out: &OutArgs) -> Failure {
 }
 
 /// Refuses to write two results to one place.
-pub(crate) fn not_the_same(out: Option<&Path>, plot: Option<&Path>) -> Result<(), Failure> {
+pub(crate) fn not_the_same(
+    (first, out): (&str, Option<&Path>),
+    (second, plot): (&str, Option<&Path>),
+) -> Result<(), Failure> {
     let (Some(out), Some(plot)) = (out.filter(|path| !is_stdout(path)), plot) else {
         return Ok(());
     };
@@ -392,7 +395,7 @@ pub(crate) fn not_the_same(out: Option<&Path>, plot: Option<&Path>) -> Result<()
     };
     if out == plot || place(out).is_some_and(|out| Some(out) == place(plot)) {
         return Err(Failure::refused(format!(
-            "{}: --out and --plot name the same file; give them two",
+            "{}: {first} and {second} name the same file; give them two",
             plot.display()
         )));
     }
@@ -416,6 +419,25 @@ pub(crate) fn warn_of_lapse(loaded: &LoadedField, times: Option<(i64, i64)>, pri
          {first}{last}); the layout's errors hold there",
         crate::printer::Grouped(lapse.heliostats as u64)
     ));
+}
+
+/// Rows of the heliostats nearest to one.
+pub(crate) fn neighbours(field: &helio_core::Field, row: usize, most: usize) -> Vec<usize> {
+    let heliostats = field.heliostats();
+    let here = heliostats[row].pivot;
+    let mut others: Vec<(f64, usize)> = heliostats
+        .iter()
+        .enumerate()
+        .filter(|(other, _)| *other != row)
+        .map(|(other, heliostat)| ((heliostat.pivot - here).norm(), other))
+        .collect();
+    let nearer = |a: &(f64, usize), b: &(f64, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+    if others.len() > most {
+        others.select_nth_unstable_by(most, nearer);
+        others.truncate(most);
+    }
+    others.sort_by(nearer);
+    others.into_iter().map(|(_, other)| other).collect()
 }
 
 /// Opens the table of a run.

@@ -73,14 +73,21 @@ impl Printer {
 
     /// Progress of a run of `total` suns.
     pub(crate) fn progress(&self, total: u64) -> Progress {
+        self.progress_of(total, "suns")
+    }
+
+    /// Progress of a run of `total` things.
+    pub(crate) fn progress_of(&self, total: u64, things: &'static str) -> Progress {
         let now = Instant::now();
         let bar = if self.quiet {
             None
         } else if std::io::stderr().is_terminal() {
             let bar = ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr());
-            let style = "{bar:30} {percent} %  {pos}/{len} suns  {elapsed} gone, {eta} left";
+            let style = format!(
+                "{{bar:30}} {{percent}} %  {{pos}}/{{len}} {things}  {{elapsed}} gone, {{eta}} left"
+            );
             bar.set_style(
-                ProgressStyle::with_template(style)
+                ProgressStyle::with_template(&style)
                     .unwrap_or_else(|_| ProgressStyle::default_bar()),
             );
             Some(bar)
@@ -97,6 +104,7 @@ impl Printer {
             next_line: now + PATIENCE,
             done: 0,
             total,
+            things,
         }
     }
 }
@@ -109,21 +117,23 @@ pub(crate) struct Progress {
     next_line: Instant,
     done: u64,
     total: u64,
+    things: &'static str,
 }
 
 impl Progress {
-    pub(crate) fn advance(&mut self, suns: u64) {
-        self.done += suns;
+    pub(crate) fn advance(&mut self, more: u64) {
+        self.done += more;
         let Some(bar) = &self.bar else { return };
-        bar.inc(suns);
+        bar.inc(more);
         if bar.is_hidden() && Instant::now() >= self.next_line && self.done < self.total {
             self.next_line = Instant::now() + BETWEEN_LINES;
             let part = self.done as f64 / self.total.max(1) as f64;
             let left_s = self.began.elapsed().as_secs_f64() * (1.0 - part) / part.max(1e-9);
             let (percent, left) = (100.0 * part, clock(left_s));
             self.printer.say(format_args!(
-                "{percent:.0} % of {} suns, {left} left",
-                Grouped(self.total)
+                "{percent:.0} % of {} {}, {left} left",
+                Grouped(self.total),
+                self.things
             ));
         }
     }

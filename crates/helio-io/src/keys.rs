@@ -622,7 +622,28 @@ pub(crate) static HELIOSTATS_TABLE: Key = required(
     Kind::Table(HELIOSTATS),
     "The heliostats: their table, where they aim and how they turn.",
 );
-pub(crate) static FILE: &[&Key] = &[&SITE_TABLE, &TARGETS_TABLE, &HELIOSTATS_TABLE];
+pub(crate) static OBSERVED_COLUMNS: Key = optional(
+    "columns",
+    Kind::Renames(OBSERVATION_COLUMNS),
+    "Columns of a foreign table of observations: our name = its name.",
+);
+pub(crate) static OBSERVED_IGNORE: Key = optional(
+    "ignore",
+    Kind::Texts,
+    "Columns of a foreign table of observations to leave aside.",
+);
+pub(crate) static OBSERVATIONS: &[&Key] = &[&OBSERVED_COLUMNS, &OBSERVED_IGNORE];
+pub(crate) static OBSERVATIONS_TABLE: Key = optional(
+    "observations",
+    Kind::Table(OBSERVATIONS),
+    "How the tables of observations that calibrate reads name their columns.",
+);
+pub(crate) static FILE: &[&Key] = &[
+    &SITE_TABLE,
+    &TARGETS_TABLE,
+    &HELIOSTATS_TABLE,
+    &OBSERVATIONS_TABLE,
+];
 
 // Columns of the calibration table.
 
@@ -665,6 +686,42 @@ pub(crate) static CALIBRATION_COLUMNS: &[&Key] = &[
     &MIRROR_TILT,
     &AZIMUTH_REFERENCE,
     &ELEVATION_REFERENCE,
+];
+
+pub(crate) static COVARIANCE: Key = optional(
+    "covariance",
+    Kind::Text,
+    "Lower triangle of the covariance, radians and metres.",
+);
+pub(crate) static RMS: Key = optional(
+    "rms_mrad",
+    Kind::Number(0.0, 1e6),
+    "RMS of the spots over the slant.",
+);
+pub(crate) static BEAM_RMS: Key = optional(
+    "beam_rms_mrad",
+    Kind::Number(0.0, 1e6),
+    "RMS angle of the beams at the mirror.",
+);
+/// What a comparison of two calibrations needs.
+pub(crate) static COMPARED_COLUMNS: &[&Key] = &[
+    &ID,
+    &SET,
+    &VALID_FROM,
+    &VALID_TO,
+    &HOUR_ANGLE_FROM,
+    &HOUR_ANGLE_TO,
+    &MIRROR_OFFSET,
+    &PEDESTAL_TILT,
+    &PEDESTAL_TILT_AZIMUTH,
+    &NONORTHOGONALITY,
+    &MIRROR_TILT,
+    &AZIMUTH_REFERENCE,
+    &ELEVATION_REFERENCE,
+    &COVARIANCE,
+    &RMS,
+    &BEAM_RMS,
+    &STATUS,
 ];
 
 // Columns of the small tables.
@@ -718,6 +775,66 @@ pub(crate) static ANGLE_COLUMNS: &[&Key] = &[
     &SUN_AZIMUTH,
     &SUN_ELEVATION,
     &STATUS,
+];
+
+// Columns of the table of observations.
+
+pub(crate) static HELIOSTAT_ID: Key = required(
+    "heliostat_id",
+    Kind::Text,
+    "Name of the heliostat whose spot was seen.",
+);
+pub(crate) static RECORD_ID: Key = optional(
+    "record_id",
+    Kind::Text,
+    "Name of the record, such as a picture's number, for lists of rejected records.",
+);
+pub(crate) static SPOT_TARGET: Key = optional(
+    "target",
+    Kind::Text,
+    "Name of the target on which the spot was seen. Default: the one that the heliostat aims at.",
+);
+/// Farther from its centre nobody sees a spot \[m\].
+const ON_TARGET: Kind = Kind::Number(-1e4, 1e4);
+pub(crate) static SPOT_U: Key = optional(
+    "u_m",
+    ON_TARGET,
+    "Spot on the target in metres, right of its centre as a camera facing it sees it.",
+);
+pub(crate) static SPOT_V: Key = optional(
+    "v_m",
+    ON_TARGET,
+    "Spot on the target in metres, below its centre.",
+);
+pub(crate) static SPOT_EAST: Key = optional(
+    "spot_east_m",
+    COORDINATE,
+    "Spot on the target as a point of the field, toward east, in metres.",
+);
+pub(crate) static SPOT_NORTH: Key = optional("spot_north_m", COORDINATE, "Likewise, toward north.");
+pub(crate) static SPOT_UP: Key = optional("spot_up_m", COORDINATE, "Likewise, upward.");
+pub(crate) static SIGMA: Key = optional(
+    "sigma_m",
+    Kind::Number(1e-9, 1e3),
+    "One standard deviation of either component of the spot in metres.",
+);
+pub(crate) static OBSERVATION_COLUMNS: &[&Key] = &[
+    &HELIOSTAT_ID,
+    &RECORD_ID,
+    &TIME,
+    &SUN_AZIMUTH,
+    &SUN_ELEVATION,
+    &AXIS1,
+    &AXIS2,
+    &AXIS1_STEPS,
+    &AXIS2_STEPS,
+    &SPOT_TARGET,
+    &SPOT_U,
+    &SPOT_V,
+    &SPOT_EAST,
+    &SPOT_NORTH,
+    &SPOT_UP,
+    &SIGMA,
 ];
 
 #[cfg(test)]

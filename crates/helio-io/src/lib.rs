@@ -16,9 +16,13 @@
 //! what was wanted; see [`IoError`].
 
 mod atomic;
+mod calibrated;
 mod error;
 mod field;
+mod finished;
+mod hash;
 mod keys;
+mod observations;
 pub mod output;
 mod schema;
 mod small;
@@ -27,8 +31,19 @@ mod times;
 mod toml;
 
 pub use atomic::{AtomicFile, remove_unfinished_files, write_file};
+pub use calibrated::{
+    CalibratedSet, Provenance, degrees_for, errors_as_written, load_calibration, write_calibration,
+};
 pub use error::{IoError, Place, Problem};
-pub use field::{CalibrationSchedule, Lapse, LoadedField, Site, Target, TargetArea, load_field};
+pub use field::{
+    CalibrationSchedule, Lapse, LoadedField, ObservationColumns, Site, Target, TargetArea,
+    load_field,
+};
+pub use finished::Finished;
+pub use hash::{Sha256, hash_file};
+pub use observations::{
+    HeliostatObservations, LeftAside, LeftAsideReason, Observations, load_observations,
+};
 pub use schema::schema;
 pub use small::{Angles, AnglesSun, PresentAngles, Suns, load_angles, load_present, load_suns};
 pub use table::PARQUET_THREAD;

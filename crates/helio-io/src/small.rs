@@ -1,10 +1,12 @@
 //! The small tables of the command line: suns, present axis angles, angles to predict from.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::Path;
 
 use helio_core::Field;
 use helio_core::angle::radians;
+use helio_core::drive::Drive;
 
 use crate::error::{IoError, Problem, quoted};
 use crate::field::LoadedField;
@@ -192,23 +194,13 @@ pub fn load_angles(path: &Path, loaded: &LoadedField) -> Result<Angles, IoError>
         if found.is_none()
             && let Some(steps) = pair(&table, row, &id, &keys::AXIS1_STEPS, &keys::AXIS2_STEPS)?
         {
-            let drives = &loaded.drives[heliostat];
-            let angle = |axis: usize, key: &'static Key, steps: f64| {
-                let refuse = |message| table.error(row, key, who, Problem::Conflict { message });
-                let Some(drive) = &drives[axis] else {
-                    return Err(refuse(format!(
-                        "axis {} has no drive to take steps",
-                        axis + 1
-                    )));
-                };
-                drive
-                    .angle_rad(steps)
-                    .ok_or_else(|| refuse(format!("its drive cannot be at {steps} steps")))
-            };
-            found = Some((
-                angle(0, &keys::AXIS1_STEPS, steps.0)?,
-                angle(1, &keys::AXIS2_STEPS, steps.1)?,
-            ));
+            found = Some(driven_rad(
+                &table,
+                row,
+                &id,
+                &loaded.drives[heliostat],
+                steps,
+            )?);
         }
         let Some((axis1_rad, axis2_rad)) = found else {
             let status = table.text(row, &keys::STATUS, &id)?;
@@ -249,9 +241,20 @@ pub fn load_angles(path: &Path, loaded: &LoadedField) -> Result<Angles, IoError>
 }
 
 fn heliostat(table: &Keyed, row: usize, field: &Field) -> Result<(String, usize), IoError> {
-    let id = table.id(row, &keys::ID)?;
+    known_heliostat(table, row, &keys::ID, field)
+        .map(|(id, heliostat)| (id.into_owned(), heliostat))
+}
+
+/// Name and row in the field of the heliostat that a row names.
+pub(crate) fn known_heliostat<'a>(
+    table: &'a Keyed,
+    row: usize,
+    key: &'static Key,
+    field: &Field,
+) -> Result<(Cow<'a, str>, usize), IoError> {
+    let id = table.id(row, key)?;
     match field.row_of(&id) {
-        Some(heliostat) => Ok((id.into_owned(), heliostat)),
+        Some(heliostat) => Ok((id, heliostat)),
         None => {
             let nearest = crate::error::nearest(&id, field.ids().iter().map(String::as_str));
             let advice = format!(", the field has {} others", field.len());
@@ -263,13 +266,39 @@ fn heliostat(table: &Keyed, row: usize, field: &Field) -> Result<(String, usize)
                 known: Vec::new(),
                 advice,
             };
-            Err(table.error(row, &keys::ID, None, problem))
+            Err(table.error(row, key, None, problem))
         }
     }
 }
 
+/// The axis angles \[rad\] to which drives lead at these steps.
+pub(crate) fn driven_rad(
+    table: &Keyed,
+    row: usize,
+    id: &str,
+    drives: &[Option<Drive>; 2],
+    steps: (f64, f64),
+) -> Result<(f64, f64), IoError> {
+    let angle = |axis: usize, key: &'static Key, steps: f64| {
+        let refuse = |message| table.error(row, key, Some(id), Problem::Conflict { message });
+        let Some(drive) = &drives[axis] else {
+            return Err(refuse(format!(
+                "axis {} has no drive to take steps",
+                axis + 1
+            )));
+        };
+        drive
+            .angle_rad(steps)
+            .ok_or_else(|| refuse(format!("its drive cannot be at {steps} steps")))
+    };
+    Ok((
+        angle(0, &keys::AXIS1_STEPS, steps.0)?,
+        angle(1, &keys::AXIS2_STEPS, steps.1)?,
+    ))
+}
+
 /// Both cells or none.
-fn pair(
+pub(crate) fn pair(
     table: &Keyed,
     row: usize,
     id: &str,
@@ -292,7 +321,11 @@ fn pair(
 }
 
 /// True if the table has both columns, false if neither.
-fn both_or_none(table: &Keyed, first: &'static Key, second: &'static Key) -> Result<bool, IoError> {
+pub(crate) fn both_or_none(
+    table: &Keyed,
+    first: &'static Key,
+    second: &'static Key,
+) -> Result<bool, IoError> {
     match (table.has(first), table.has(second)) {
         (true, false) => Err(table.missing_column(second)),
         (false, true) => Err(table.missing_column(first)),

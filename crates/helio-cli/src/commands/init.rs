@@ -95,6 +95,19 @@ centre_enu_m = [0.0, 0.0, {height:.1}]
 # width_m = 12.0
 # height_m = 12.0
 
+# White boards below the receiver, on which cameras see spots for `helio-rs calibrate`.
+[targets.board-north]
+centre_enu_m = [0.0, 8.0, 70.0]
+normal_enu = [0.0, 1.0, 0.0]    # the way it faces
+width_m = 14.0
+height_m = 12.0
+
+[targets.board-south]
+centre_enu_m = [0.0, -8.0, 70.0]
+normal_enu = [0.0, -1.0, 0.0]
+width_m = 14.0
+height_m = 12.0
+
 [heliostats]
 table = "{TABLE}"       # id, east_m, north_m, up_m: one row per heliostat
 aim = "receiver"

@@ -1,7 +1,9 @@
 //! One file per verb.
 
+pub(crate) mod calibrate;
 pub(crate) mod check;
 pub(crate) mod init;
+pub(crate) mod observations;
 pub(crate) mod predict;
 pub(crate) mod schema;
 pub(crate) mod simulate;

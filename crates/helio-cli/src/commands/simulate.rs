@@ -1,4 +1,4 @@
-//! `simulate`: synthetic fields.
+//! `simulate`: synthetic fields and observations.
 
 use helio_core::Enu;
 use helio_core::layout::{Measures, fermat_spiral, radial_staggered};
@@ -32,6 +32,7 @@ pub(crate) const EXAMPLE: LayoutPlan = LayoutPlan {
 pub(crate) fn run(what: &Simulate, printer: &Printer) -> Result<Outcome, Failure> {
     match what {
         Simulate::Field(args) => field(args, printer),
+        Simulate::Observations(args) => super::observations::run(args, printer),
     }
 }
 

@@ -28,7 +28,10 @@ pub(crate) fn run(args: &TrackArgs, printer: &Printer) -> Result<Outcome, Failur
         threads,
         ..TrackOptions::default()
     };
-    plan::not_the_same(args.out.out.as_deref(), args.plot.as_deref())?;
+    plan::not_the_same(
+        ("--out", args.out.out.as_deref()),
+        ("--plot", args.plot.as_deref()),
+    )?;
     let mut run = Run::new(args, &loaded, options)?;
     plan::warn_of_lapse(&loaded, suns.times_ns(), printer);
     let mut inputs = loaded.files.clone();

@@ -37,9 +37,11 @@ pub(crate) const IGNORED: &[&str] = &[
     "observations_hash",
     "field_hash",
     "options_hash",
+    "year_pointing_mrad",
+    "why",
 ];
 
-fn ignored(name: &str) -> bool {
+pub(crate) fn ignored(name: &str) -> bool {
     IGNORED.contains(&name)
         || ["sigma", "cov", "corr"]
             .iter()

@@ -12,6 +12,7 @@ use helio_core::angle::radians;
 use helio_core::drive::Drive;
 use helio_core::{AxisLimits, Enu, EnuUnit, Field, Heliostat, TargetPlane, TrackingMode};
 
+pub(crate) use calibration::ignored as ignored_in_calibrations;
 pub use calibration::{CalibrationSchedule, Lapse};
 pub use site::{Site, Target, TargetArea};
 
@@ -41,10 +42,61 @@ pub struct LoadedField {
     /// Calibrations that change with the hour or the date; `None` if none does, which is the cheap
     /// and common case: all parameters then stand in [`field`](Self::field).
     pub schedule: Option<CalibrationSchedule>,
+    /// How foreign tables of observations name their columns.
+    pub observation_columns: ObservationColumns,
     /// Things worth saying that stop nothing.
     pub warnings: Vec<String>,
     /// Every file read, `field.toml` first.
     pub files: Vec<PathBuf>,
+}
+
+/// Names of the columns of a foreign table of observations, as `[observations]` states them.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct ObservationColumns {
+    /// Our name and the table's.
+    pub renames: Vec<(String, String)>,
+    /// Columns to leave aside.
+    pub ignore: Vec<String>,
+}
+
+impl ObservationColumns {
+    fn parse(file: &Section<'_>) -> Result<Self, IoError> {
+        let Some(section) = file.section(&keys::OBSERVATIONS_TABLE)? else {
+            return Ok(Self::default());
+        };
+        let renames = section.renames(&keys::OBSERVED_COLUMNS)?;
+        let ignore = section.texts(&keys::OBSERVED_IGNORE)?;
+        for (index, (ours, foreign)) in renames.iter().enumerate() {
+            let again = renames[..index]
+                .iter()
+                .any(|(_, other)| other.text.trim() == foreign.text.trim());
+            if again
+                || ignore
+                    .iter()
+                    .any(|ignored| ignored.text.trim() == foreign.text.trim())
+            {
+                let other = if again {
+                    "for another column too"
+                } else {
+                    "in ignore too"
+                };
+                let message = format!("{ours} is column `{}`, which stands {other}", foreign.text);
+                let problem = Problem::Conflict { message };
+                return Err(section.source().error(foreign.span.clone(), problem));
+            }
+        }
+        Ok(Self {
+            renames: renames
+                .iter()
+                .map(|(ours, foreign)| ((*ours).to_string(), foreign.text.trim().to_string()))
+                .collect(),
+            ignore: ignore
+                .iter()
+                .map(|name| name.text.trim().to_string())
+                .collect(),
+        })
+    }
 }
 
 impl LoadedField {
@@ -140,6 +192,7 @@ pub fn load_field(path: &Path) -> Result<LoadedField, IoError> {
         .map(Site::parse)
         .transpose()?;
     let targets = site::targets(&file)?;
+    let observation_columns = ObservationColumns::parse(&file)?;
     let Some(heliostats) = file.section(&keys::HELIOSTATS_TABLE)? else {
         return Err(file.missing(&keys::HELIOSTATS_TABLE));
     };
@@ -216,6 +269,7 @@ pub fn load_field(path: &Path) -> Result<LoadedField, IoError> {
         target_of,
         drives,
         schedule,
+        observation_columns,
         warnings,
         files,
     })

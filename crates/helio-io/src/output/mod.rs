@@ -15,7 +15,7 @@
 //!
 //! A file is written beside its destination and renamed when it is complete, so a failed run
 //! leaves nothing behind. Destinations that are not regular files (a device, a named pipe) are
-//! written directly. Small tables without suns are written by [`write_table`].
+//! written directly. Small tables without suns are written by [`write_table`] and [`write_columns`].
 //!
 //! ```
 //! use helio_core::Status;
@@ -56,7 +56,7 @@ use std::path::Path;
 
 use helio_core::Status;
 
-pub use plain::write_table;
+pub use plain::{Cells, write_columns, write_table};
 pub use sink::Destination;
 
 use rows::Checked;

@@ -96,6 +96,14 @@ impl Table {
         &self.path
     }
 
+    /// Line of each row of a text file.
+    pub(crate) fn lines(&self) -> Option<&[usize]> {
+        match &self.cells {
+            Cells::Text(records) => Some(records.lines()),
+            Cells::Parquet(_) => None,
+        }
+    }
+
     /// The header: line 1 of a CSV file.
     pub(crate) fn header_place(&self) -> Place {
         let line = matches!(self.cells, Cells::Text(_)).then_some(1);
@@ -440,6 +448,9 @@ fn unknown_column(
     let problem = if name.is_empty() {
         let advice = match naming.advice {
             "" => "",
+            advice if advice.contains("[observations]") => {
+                "; leave it aside by ignore = [\"\"] in [observations]"
+            }
             _ => "; leave it aside by ignore = [\"\"] in [heliostats]",
         };
         Problem::Conflict {

@@ -6,25 +6,35 @@ use crate::error::{IoError, Place, Problem};
 
 use super::decode;
 
-/// The rows of a CSV file below its header.
+/// The rows of a CSV file below its header, each with as many cells as that.
+///
+/// One text and where its cells end: a million rows cost no allocations of their own.
 #[derive(Debug)]
 pub(super) struct Records {
-    records: Vec<csv::StringRecord>,
+    text: String,
+    ends: Vec<usize>,
+    columns: usize,
     lines: Vec<usize>,
 }
 
 impl Records {
     pub(super) fn len(&self) -> usize {
-        self.records.len()
+        self.lines.len()
     }
 
     pub(super) fn line(&self, row: usize) -> usize {
         self.lines[row]
     }
 
+    pub(super) fn lines(&self) -> &[usize] {
+        &self.lines
+    }
+
     /// Without blanks around it.
     pub(super) fn cell(&self, row: usize, column: usize) -> &str {
-        self.records[row].get(column).unwrap_or("")
+        let cell = row * self.columns + column;
+        let start = cell.checked_sub(1).map_or(0, |before| self.ends[before]);
+        &self.text[start..self.ends[cell]]
     }
 }
 
@@ -56,7 +66,9 @@ pub(super) fn read(path: &Path, bytes: Vec<u8>) -> Result<(Vec<String>, Records)
     };
     let mut names: Option<Vec<String>> = None;
     let mut records = Records {
-        records: Vec::new(),
+        text: String::with_capacity(text.len()),
+        ends: Vec::new(),
+        columns: 0,
         lines: Vec::new(),
     };
     let mut record = csv::StringRecord::new();
@@ -82,6 +94,7 @@ pub(super) fn read(path: &Path, bytes: Vec<u8>) -> Result<(Vec<String>, Records)
         let line = lines.at(usize::try_from(byte).unwrap_or(usize::MAX));
         let Some(names) = &names else {
             names = Some(record.iter().map(str::to_string).collect());
+            records.columns = record.len();
             continue;
         };
         if record.len() != names.len() {
@@ -92,7 +105,10 @@ pub(super) fn read(path: &Path, bytes: Vec<u8>) -> Result<(Vec<String>, Records)
             return Err(at(Some(line), problem));
         }
         records.lines.push(line);
-        records.records.push(record.clone());
+        for cell in &record {
+            records.text.push_str(cell);
+            records.ends.push(records.text.len());
+        }
     }
     match names {
         Some(names) => Ok((names, records)),

@@ -1,0 +1,178 @@
+//! What each record says about the encoder references, in closed form, and calls that cannot be right.
+
+use core::f64::consts::PI;
+
+use super::finding::WrongCall;
+use super::joint::{Frame, Judge, Model, REFERENCES, Record, median, records, solve};
+use crate::model::Pose;
+use crate::observation::{Mount, Observation};
+use crate::parameters::Parameters;
+use helio_core::{EnuUnit, TargetPlane};
+
+/// Records that are asked for a vote, spread over the campaign.
+const VOTERS: usize = 40;
+/// Records that judge each vote.
+const JUDGES: usize = 60;
+
+/// References for which a record's normal would halve sun and spot if the mount were otherwise as at the
+/// start: the direct solution and the one over the top.
+fn votes(record: &Record) -> [[f64; 2]; 2] {
+    let n = record.wanted_normal();
+    let gamma = libm::atan2(n[1], n[0]);
+    let alpha = libm::atan2(n[2], libm::hypot(n[0], n[1]));
+    let [cos1, sin1] = record.sighting.axis1;
+    let [cos2, sin2] = record.sighting.axis2;
+    let (axis1, axis2) = (libm::atan2(sin1, cos1), libm::atan2(sin2, cos2));
+    [
+        [axis1 - gamma, axis2 - alpha],
+        [axis1 - gamma - PI, axis2 - (PI - alpha)],
+    ]
+}
+
+/// The vote that most records agree with, and the median beam error it leaves \[mrad\].
+pub fn elect(frame: &Frame, records: &[Record]) -> (Parameters, f64) {
+    let mut best = (
+        Parameters {
+            values: frame.start,
+        },
+        f64::INFINITY,
+    );
+    let judge_every = records.len().div_ceil(JUDGES);
+    let mut consider = |parameters: Parameters| {
+        let pose = Pose::of(&parameters);
+        let error = median(
+            records
+                .iter()
+                .step_by(judge_every)
+                .map(|r| r.beam_mrad(&pose))
+                .collect(),
+        );
+        if error < best.1 {
+            best = (parameters, error);
+        }
+    };
+    consider(Parameters {
+        values: frame.start,
+    });
+    if frame.references_free() {
+        for record in records.iter().step_by(records.len().div_ceil(VOTERS)) {
+            for vote in votes(record) {
+                let mut values = frame.start;
+                for (k, value) in REFERENCES.into_iter().zip(vote) {
+                    if frame.is_free(k) {
+                        values[k] = value;
+                    }
+                }
+                consider(Parameters { values });
+            }
+        }
+    }
+    best
+}
+
+/// Median beam error \[mrad\] that a quick robust fit of one epoch leaves.
+pub fn quick(frame: &Frame, records: &[Record]) -> f64 {
+    let (start, error) = elect(frame, records);
+    let epochs = vec![0; records.len()];
+    let marks = vec![true; records.len()];
+    let mut model = Model::single(&start);
+    let mut scale = error.max(1.0);
+    for _ in 0..3 {
+        let judge = Judge::Student(&marks, scale);
+        model = solve(frame, records, &epochs, model, judge, 12).0;
+        let pose = Pose::of(&model.parameters(0));
+        let error = median(records.iter().map(|r| r.beam_mrad(&pose)).collect());
+        scale = (error / 1.18).max(0.3);
+    }
+    scale * 1.18
+}
+
+/// Recognises encoder angles in steps by their size alone.
+pub fn by_size(observations: &[Observation], rows: &[usize]) -> Option<WrongCall> {
+    let middle = |of: fn(&Observation) -> f64| {
+        median(
+            rows.iter()
+                .map(|&row| of(&observations[row]).abs())
+                .collect(),
+        )
+    };
+    let largest = middle(|o| o.axis1_rad).max(middle(|o| o.axis2_rad));
+    // Steps as radians are thousands; steps as degrees are tens of radians and more. Degrees as
+    // radians end at 360.
+    (largest > 400.0).then_some(WrongCall::EncoderInSteps)
+}
+
+type Reading<'a> = (WrongCall, Box<dyn Fn(&mut Observation) + 'a>);
+
+fn turned_sun(observation: &mut Observation, azimuth_rad: impl Fn(f64) -> f64) {
+    observation.sun = EnuUnit::from_azimuth_elevation(
+        azimuth_rad(observation.sun.azimuth_rad()),
+        observation.sun.elevation_rad(),
+    );
+}
+
+/// Tries other ways of reading the records; the best, with the median beam error \[mrad\] that it leaves.
+pub fn reread(
+    mount: &Mount,
+    neighbours: &[Mount],
+    targets: &[TargetPlane],
+    observations: &[Observation],
+    rows: &[usize],
+    frame: &Frame,
+) -> Option<(WrongCall, f64)> {
+    let scaled = |factor: f64| {
+        move |o: &mut Observation| {
+            o.axis1_rad *= factor;
+            o.axis2_rad *= factor;
+        }
+    };
+    let mut readings: Vec<Reading<'_>> = vec![
+        (
+            WrongCall::EncoderInDegrees,
+            Box::new(scaled(1_f64.to_radians())),
+        ),
+        (
+            WrongCall::EncoderInRadians,
+            Box::new(scaled(1_f64.to_degrees())),
+        ),
+        (
+            WrongCall::SunFromSouthEastward,
+            Box::new(|o| turned_sun(o, |azimuth| PI - azimuth)),
+        ),
+        (
+            WrongCall::SunFromSouthWestward,
+            Box::new(|o| turned_sun(o, |azimuth| PI + azimuth)),
+        ),
+        (
+            WrongCall::Axis1Flipped,
+            Box::new(|o| o.axis1_rad = -o.axis1_rad),
+        ),
+        (
+            WrongCall::AxesSwapped,
+            Box::new(|o| core::mem::swap(&mut o.axis1_rad, &mut o.axis2_rad)),
+        ),
+    ];
+    for (target, plane) in targets.iter().enumerate() {
+        readings.push((
+            WrongCall::OtherTarget { target },
+            Box::new(|o| o.plane = *plane),
+        ));
+    }
+    let mut best: Option<(WrongCall, f64)> = None;
+    let mut consider = |call: WrongCall, mount: &Mount, read: &[Observation]| {
+        let error = quick(frame, &records(mount, read, rows));
+        if best.is_none_or(|(_, least)| error < least) {
+            best = Some((call, error));
+        }
+    };
+    let mut read = observations.to_vec();
+    for (call, change) in readings {
+        read.copy_from_slice(observations);
+        read.iter_mut().for_each(change);
+        consider(call, mount, &read);
+    }
+    for (neighbour, mount) in neighbours.iter().enumerate() {
+        consider(WrongCall::OtherHeliostat { neighbour }, mount, observations);
+    }
+    best
+}

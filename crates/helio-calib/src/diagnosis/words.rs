@@ -1,0 +1,122 @@
+//! The worst-determined combination of parameters, in words.
+
+use core::fmt;
+
+use helio_core::{Enu, EnuUnit};
+
+use crate::measures::pointing_sigma_mrad;
+use crate::observation::Mount;
+use crate::parameters::{COUNT, Parameter, Parameters};
+
+/// A part of the direction smaller than this share of its largest is not named.
+const NAMED: f64 = 0.35;
+/// How far outside the observed suns another sun must stand to be called higher, lower, earlier, later \[rad\].
+const BEYOND_RAD: f64 = 0.12;
+
+/// The combination of parameters that the records determine worst.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Weakness {
+    /// Parameters that take part, the largest part first.
+    pub parameters: Vec<Parameter>,
+    /// One standard deviation along the combination \[rad\]; infinite if not determined at all.
+    pub sigma_rad: f64,
+    /// What would help, such as "add observations at higher elevation".
+    pub advice: String,
+}
+
+impl fmt::Display for Weakness {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let names: Vec<&str> = self.parameters.iter().map(|p| p.in_words()).collect();
+        match names.as_slice() {
+            [] => write!(f, "nothing is determined")?,
+            [one] => write!(f, "the {one} is determined worst")?,
+            [first @ .., last] => {
+                write!(f, "{} and {last} cannot be told apart", first.join(", "))?;
+            }
+        }
+        write!(f, ": {}", self.advice)
+    }
+}
+
+/// Puts a direction of parameters into words; `suns` are those that the heliostat will have to follow.
+pub fn weakness(
+    mount: &Mount,
+    parameters: &Parameters,
+    direction: &[f64; COUNT],
+    sigma_rad: f64,
+    observed: &[EnuUnit],
+    suns: &[EnuUnit],
+    aim: Enu,
+) -> Weakness {
+    let mut named: Vec<Parameter> = Parameter::ALL.to_vec();
+    let part = |p: Parameter| direction[p as usize].abs();
+    let largest = named.iter().map(|&p| part(p)).fold(0.0, f64::max);
+    named.retain(|&p| largest > 0.0 && part(p) >= NAMED * largest);
+    named.sort_by(|&a, &b| part(b).total_cmp(&part(a)));
+    let mut one = [[0.0; COUNT]; COUNT];
+    for (a, row) in one.iter_mut().enumerate() {
+        for (b, value) in row.iter_mut().enumerate() {
+            *value = direction[a] * direction[b];
+        }
+    }
+    // the sun whose beam tells most about the combination
+    let mut best: Option<(f64, EnuUnit)> = None;
+    for &sun in suns {
+        if let Some(gain) = pointing_sigma_mrad(mount, parameters, &one, sun, aim)
+            && best.is_none_or(|(most, _)| gain > most)
+        {
+            best = Some((gain, sun));
+        }
+    }
+    let advice = best.map_or_else(
+        || "add observations".to_owned(),
+        |(_, sun)| advice(observed, sun),
+    );
+    Weakness {
+        parameters: named,
+        sigma_rad,
+        advice,
+    }
+}
+
+fn advice(observed: &[EnuUnit], best: EnuUnit) -> String {
+    let mut sum = Enu::default();
+    for sun in observed {
+        sum = sum + sun.as_enu();
+    }
+    let middle = libm::atan2(sum.east, sum.north);
+    let turn = |sun: EnuUnit| helio_core::angle::wrap_pi(sun.azimuth_rad() - middle);
+    let range = |of: &dyn Fn(EnuUnit) -> f64| {
+        observed
+            .iter()
+            .map(|&s| of(s))
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| {
+                (a.min(x), b.max(x))
+            })
+    };
+    let (lowest, highest) = range(&|s| s.elevation_rad());
+    let (first, last) = range(&turn);
+    let elevation = if best.elevation_rad() > highest + BEYOND_RAD {
+        Some("at higher elevation")
+    } else if best.elevation_rad() < lowest - BEYOND_RAD {
+        Some("at lower elevation")
+    } else {
+        None
+    };
+    // the sun of either hemisphere goes from east to west
+    let east = best.as_enu().east;
+    let time = if turn(best) < first - BEYOND_RAD || turn(best) > last + BEYOND_RAD {
+        Some(if east > 0.0 {
+            "in the morning"
+        } else {
+            "in the afternoon"
+        })
+    } else {
+        None
+    };
+    match (elevation, time) {
+        (Some(elevation), Some(time)) => format!("add observations {elevation} {time}"),
+        (Some(where_), None) | (None, Some(where_)) => format!("add observations {where_}"),
+        (None, None) => "add more observations".to_owned(),
+    }
+}

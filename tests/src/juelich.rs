@@ -1,0 +1,147 @@
+//! The recorded heliostats of Jülich as observations.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use helio_calib::{Mount, Observation};
+use helio_core::{Enu, EnuUnit, MountAxes, TargetPlane, TrackingMode};
+
+use crate::data::Table;
+
+/// The heliostats of the README's table.
+pub const NAMES: [&str; 12] = [
+    "AA31", "AA39", "AK46", "BE61", "BF17", "BF55", "BF57", "BG16", "BG23", "BG29", "BG62", "BH35",
+];
+
+/// Site latitude \[rad\].
+pub const LATITUDE_RAD: f64 = 0.888_606_832;
+
+/// One heliostat's records, in time.
+#[derive(Debug, Clone)]
+pub struct Records {
+    /// Its name.
+    pub name: String,
+    /// Its mount: fixed axis toward the east, gamma = -t1, alpha = t2.
+    pub mount: Mount,
+    /// One entry per record; sigma 1 mrad seen from the pivot.
+    pub observations: Vec<Observation>,
+    /// Record numbers.
+    pub ids: Vec<String>,
+    /// Planes of the targets, in the order of their names.
+    pub targets: Vec<(String, TargetPlane)>,
+}
+
+/// Targets by name, in alphabetical order.
+///
+/// # Panics
+/// If the file is not there or not as described.
+#[must_use]
+pub fn targets(juelich: &Path) -> Vec<(String, TargetPlane)> {
+    let path = juelich.join("target_planes.json");
+    let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    let value: HashMap<String, serde_json::Value> =
+        serde_json::from_str(&text).expect("target_planes.json");
+    let vector = |plane: &serde_json::Value, key: &str| {
+        let at = |k: usize| plane[key][k].as_f64().expect("three numbers");
+        Enu::new(at(0), at(1), at(2))
+    };
+    let mut targets: Vec<_> = value
+        .into_iter()
+        .map(|(name, plane)| {
+            let unit = |key| EnuUnit::try_new(vector(&plane, key)).expect("a direction");
+            let plane = TargetPlane::with_right(
+                vector(&plane, "centre_enu_m"),
+                unit("normal_to_camera_enu"),
+                unit("right_unit_enu"),
+            )
+            .expect("a plane");
+            (name, plane)
+        })
+        .collect();
+    targets.sort_by(|a, b| a.0.cmp(&b.0));
+    targets
+}
+
+/// The records of one heliostat, with the HeliOS spots; of AA39 and AA23 the last epoch alone.
+///
+/// # Panics
+/// If a file is not there or not as described.
+#[must_use]
+pub fn records(data: &Path, name: &str) -> Records {
+    let juelich = data.join("juelich");
+    let folder = juelich.join("calibration");
+    let heliostats = Table::read(folder.join("heliostats.csv"));
+    let row = (0..heliostats.len())
+        .find(|&row| heliostats.text(row, "heliostat") == name)
+        .expect("a known heliostat");
+    let at = |column: &str| heliostats.number(row, column);
+    let pivot = Enu::new(at("east_m"), at("north_m"), at("up_m"));
+    let mode = TrackingMode::PitchRoll {
+        axis_azimuth_rad: std::f64::consts::FRAC_PI_2,
+    };
+    let mount = Mount {
+        axes: MountAxes::of(mode, EnuUnit::UP),
+        pivot,
+        mirror_offset_m: at("mirror_pivot_offset_m"),
+    };
+    let targets = targets(&juelich);
+    let table = Table::read(folder.join(format!("{name}.csv")));
+    let last_epoch = table.has("epoch").then(|| {
+        (0..table.len())
+            .map(|row| table.text(row, "epoch").to_owned())
+            .max()
+            .expect("records")
+    });
+    let mut observations = Vec::new();
+    let mut ids = Vec::new();
+    for record in 0..table.len() {
+        if let Some(last) = &last_epoch
+            && table.text(record, "epoch") != last
+        {
+            continue;
+        }
+        let at = |column: &str| table.number(record, column);
+        let target = table.text(record, "target");
+        let target = targets
+            .iter()
+            .position(|(name, _)| name == target)
+            .expect("a known target");
+        let plane = targets[target].1;
+        let spot = Enu::new(at("helios_e_m"), at("helios_n_m"), at("helios_u_m")) - plane.centre;
+        let sun = EnuUnit::from_azimuth_elevation(
+            (180.0 - at("sun_azimuth_south_deg")).to_radians(),
+            at("sun_elevation_deg").to_radians(),
+        );
+        let time = table.text(record, "timestamp_utc");
+        observations.push(Observation {
+            target,
+            sigma_m: Some(1e-3 * (plane.centre - pivot).norm()),
+            unix_ns: (!time.is_empty()).then(|| helio_io::parse_time(time).expect("a time")),
+            hour_angle_rad: Some(hour_angle_rad(sun)),
+            ..Observation::new(
+                sun,
+                -at("axis1_angle_deg").to_radians(),
+                at("axis2_angle_deg").to_radians(),
+                plane,
+                spot.dot(plane.right.as_enu()),
+                spot.dot(plane.down.as_enu()),
+            )
+        });
+        ids.push(table.text(record, "record_id").to_owned());
+    }
+    Records {
+        name: name.to_owned(),
+        mount,
+        observations,
+        ids,
+        targets,
+    }
+}
+
+/// Hour angle of a sun seen from Jülich \[rad\], west positive.
+#[must_use]
+pub fn hour_angle_rad(sun: EnuUnit) -> f64 {
+    let s = sun.as_enu();
+    let (sine, cosine) = LATITUDE_RAD.sin_cos();
+    (-s.east).atan2(s.up * cosine - s.north * sine)
+}
