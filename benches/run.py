@@ -1,6 +1,6 @@
 """Measures helio-rs against its peers in one run and prints the tables as Markdown.
 
-    python benches/run.py [--quick] [--rounds R] [--work DIR] [--write-readme]
+    python benches/run.py [--only tracking|calibration] [--quick] [--rounds R] [--work DIR] [--write-readme]
 
 Builds the Rust programs and the C peers (``CC`` chooses the compiler), makes a virtual environment from
 ``peers/requirements.txt`` and the input fields, all in ``--work``. Every peer runs in every round, and
@@ -24,6 +24,8 @@ import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
+
+import run_calibration
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
@@ -87,7 +89,7 @@ class Plan:
         return self.work / f"field_{which.name}.f64"
 
     def program(self, name: str) -> str:
-        return str(ROOT / "target" / "release" / name)
+        return str(Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "release" / name)
 
     @property
     def python(self) -> str:
@@ -588,19 +590,40 @@ def report(plan: Plan, m: Measured) -> str:
     return "\n".join(lines) + "\n"
 
 
-def split_readme() -> tuple[str, str]:
-    """What stands before the speed table, and after it."""
+def split_readme(begin: str = BEGIN, end: str = END) -> tuple[str, str]:
+    """What stands before a table, and after it."""
     text = README.read_text() if README.exists() else ""
-    head, begin, rest = text.partition(BEGIN)
-    _, end, tail = rest.partition(END)
-    if not (begin and end):
-        raise SystemExit(f"{README.name}: expected the markers {BEGIN} and {END}")
+    head, found_begin, rest = text.partition(begin)
+    _, found_end, tail = rest.partition(end)
+    if not (found_begin and found_end):
+        raise SystemExit(f"{README.name}: expected the markers {begin} and {end}")
     return head, tail
 
 
-def write_readme(text: str) -> None:
-    head, tail = split_readme()
-    README.write_text(f"{head}{BEGIN}\n{text}{END}{tail}")
+def write_readme(text: str, begin: str = BEGIN, end: str = END) -> None:
+    head, tail = split_readme(begin, end)
+    README.write_text(f"{head}{begin}\n{text}{end}{tail}")
+
+
+def calibration(plan: Plan, quick: bool, write: bool) -> bool:
+    """Measures the calibration; true if every peer found the same optimum."""
+    run("cargo", "build", "--release", "--quiet", "-p", "helio-bench")
+    tools = run_calibration.Tools(
+        plan.work, PEERS, plan.program("calibration"), plan.python, THREADS, run, run_lines, say
+    )
+    run_calibration.build(tools)
+    measured = run_calibration.measure(tools, plan.rounds, plan.repeat_native, large=not quick)
+    rustc = subprocess.run(["rustc", "--version"], stdout=subprocess.PIPE, text=True, check=True).stdout.split()[1]
+    now = datetime.datetime.now(datetime.UTC)
+    version = measured.versions["helio_rs"].split()[-1]
+    machine = f"{now:%Y-%m-%d}, {processor()}, {os.cpu_count()} cores; Rust {rustc} ({version})"
+    text = run_calibration.report(measured, machine, plan.rounds)
+    (plan.work / "calibration.md").write_text(text)
+    print(text)
+    print("\n".join(run_calibration.bars(measured)))
+    if write:
+        write_readme(text, run_calibration.BEGIN, run_calibration.END)
+    return not measured.excluded
 
 
 def main() -> None:
@@ -609,12 +632,17 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="one round, few repeats: to see that it works")
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--write-readme", action="store_true", help="replace the README's table")
+    parser.add_argument("--only", choices=("tracking", "calibration"), help="one part alone")
     arguments = parser.parse_args()
 
     if arguments.write_readme and arguments.quick:
         parser.error("--quick gives no figures worth keeping: not with --write-readme")
     if arguments.write_readme:
-        split_readme()  # before minutes of measuring
+        # before minutes of measuring
+        if arguments.only != "calibration":
+            split_readme()
+        if arguments.only != "tracking":
+            split_readme(run_calibration.BEGIN, run_calibration.END)
     quick: bool = arguments.quick
     plan = Plan(
         work=arguments.work.resolve(),
@@ -625,6 +653,9 @@ def main() -> None:
     plan.work.mkdir(parents=True, exist_ok=True)
     ENVIRONMENT["NUMBA_CACHE_DIR"] = str(plan.work / "numba")
     make_environment(plan)
+    agreed = arguments.only == "tracking" or calibration(plan, quick, arguments.write_readme)
+    if arguments.only == "calibration":
+        sys.exit(0 if agreed else 1)
     build(plan)
     make_inputs(plan)
     measured = measure(plan)
@@ -657,7 +688,7 @@ def main() -> None:
     print("\n".join(bars(measured)))
     if arguments.write_readme:
         write_readme(text)
-    sys.exit(1 if measured.excluded else 0)
+    sys.exit(1 if measured.excluded or not agreed else 0)
 
 
 if __name__ == "__main__":

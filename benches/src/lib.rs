@@ -1,5 +1,7 @@
 //! What the benchmarks share: the peers' files, a clock and the command line.
 
+pub mod campaigns;
+
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;

@@ -3,7 +3,7 @@
 use faer::Mat;
 
 use crate::error::CalibrationError;
-use crate::fit::{Fit, FitOptions, ResidualForm, check};
+use crate::fit::{Fit, FitOptions, check};
 use crate::measures::{angle_rad, beam};
 use crate::model::{Pose, landing};
 use crate::observation::{Mount, Observation, Sighting};
@@ -100,7 +100,7 @@ pub fn uncertainty(
             .zip(&weights)
             .map(|(sighting, weight)| sighting.weight * libm::sqrt(*weight))
             .collect(),
-        form: ResidualForm::Components,
+        form: options.residual.of_components(),
         constraints: &options.constraints,
     };
     let mut system = spots.system();
@@ -172,8 +172,9 @@ fn ratio(covariance: f64, a: f64, b: f64) -> f64 {
     }
 }
 
-/// Variance of a residual component. With a robust loss that of Huber (Robust Statistics, §7.6),
-/// E\[psi²\]/E\[psi'\]², times the mean weight because J's rows have been weighted.
+/// Variance of a residual component. With a robust loss that of Huber (Robust Statistics, §7.6, eq. 6.6),
+/// K² E\[psi²\]/E\[psi'\]² with K = 1 + p/n var(psi')/E\[psi'\]², times the mean weight because J's rows have
+/// been weighted.
 fn variance(
     system: &System,
     weights: &[f64],
@@ -182,24 +183,35 @@ fn variance(
     used: f64,
     freedom: f64,
 ) -> f64 {
-    let (mut psi, mut slope, mut mean) = (0.0, 0.0, 0.0);
+    let (mut psi, mut slope, mut squares, mut mean) = (0.0, 0.0, 0.0, 0.0);
     for (i, &weight) in weights.iter().enumerate() {
         if weight > 0.0 {
             // the rows carry the root of the weight
             let [du, dv] = [system.residuals[2 * i], system.residuals[2 * i + 1]];
             let square = du * du + dv * dv;
             psi += weight * square;
-            slope += if fit.scale > 0.0 {
-                let distance = libm::sqrt(square / weight) / fit.scale;
-                2.0 * options.loss.mean_slope(distance)
+            let own = if fit.scale > 0.0 {
+                options
+                    .loss
+                    .mean_slope(libm::sqrt(square / weight) / fit.scale)
             } else {
-                2.0
+                1.0
             };
+            slope += 2.0 * own;
+            squares += 2.0 * own * own;
             mean += 2.0 * weight;
         }
     }
-    let (slope, mean) = (slope / used, mean / used);
-    psi / freedom * mean / (slope * slope).max(1e-6)
+    let (slope, squares, mean) = (slope / used, squares / used, mean / used);
+    let slope_squared = (slope * slope).max(1e-6);
+    let spread = (squares - slope * slope).max(0.0) / slope_squared;
+    let k = 1.0 + (used - freedom) / used * spread;
+    k * k * psi / freedom * mean / slope_squared
+}
+
+/// sigma² (JᵀJ)⁻¹ of the free parameters; the rows after `rows` are priors'.
+pub(crate) fn of(system: &System, rows: usize, sigma: f64) -> [[f64; COUNT]; COUNT] {
+    Decomposed::of(system).covariance(&system.columns, rows, sigma)
 }
 
 /// Singular value decomposition of a Jacobian with scaled columns.

@@ -2,6 +2,7 @@
 
 use helio_core::Enu;
 
+use crate::covariance;
 use crate::error::CalibrationError;
 use crate::loss::robust_scale;
 use crate::measures::measures;
@@ -9,7 +10,7 @@ use crate::model::{Pose, landing};
 use crate::observation::{Mount, Observation, Sighting};
 use crate::parameters::{COUNT, Parameter, Parameters};
 use crate::residual::{Spots, columns, priors};
-use crate::solver::{Limits, Outcome, System, minimise};
+use crate::solver::{LeastSquares, Limits, Outcome, System, minimise};
 use crate::start;
 
 /// The two least-squares solvers of Guo 2015 §4.4.
@@ -30,6 +31,19 @@ pub enum ResidualForm {
     Components,
     /// Their distance, Guo 2015 eq. (38): the same minimum, found more slowly.
     Distance,
+    /// Both components across the beam that led to the observed spot: with sigmas in proportion to the
+    /// slant, what is made small is `beam_rms_mrad` itself, also where a target is met obliquely.
+    Beam,
+}
+
+impl ResidualForm {
+    /// The form with two rows an observation that has the same minimum.
+    pub(crate) fn of_components(self) -> Self {
+        match self {
+            Self::Beam => Self::Beam,
+            Self::Components | Self::Distance => Self::Components,
+        }
+    }
 }
 
 /// How much a large residual counts.
@@ -136,6 +150,9 @@ pub enum Stop {
     SmallGradient,
     /// No shorter step lowers the sum of squares by more than rounding: converged as far as doubles go.
     NoDescent,
+    /// No part of the step lowers the sum of squares though its slope says that it should: a beam misses just
+    /// beside, or distances are at their kink. Not converged.
+    Stuck,
     /// The greatest number of iterations was reached.
     MaxIterations,
     /// From no start does every beam reach its target.
@@ -159,6 +176,7 @@ impl Stop {
             Self::SmallStep => "small_step",
             Self::SmallGradient => "small_gradient",
             Self::NoDescent => "no_descent",
+            Self::Stuck => "stuck",
             Self::MaxIterations => "max_iterations",
             Self::NoLanding => "no_landing",
         }
@@ -204,9 +222,11 @@ const RIVAL: f64 = 9.0;
 /// Guo 2015 §4.3-4.4: the sum of squares S of predicted less observed spots, each over its sigma where one is
 /// stated, is made least over the parameters that are not held. The tilt is solved in its two components, where
 /// the Jacobian is regular at zero; the step comes from column-pivoted QR, or from the singular values where
-/// J has not full rank (the shortest step is then taken).
+/// J has not full rank (the shortest step is then taken). Where less than a fifth of a step can be gone, one
+/// without the badly determined combinations is tried beside it.
 ///
-/// [`Start::Cold`] finds the optimum from nothing, whatever the encoder references. With [`Start::Zeros`] and
+/// [`Start::Cold`] finds the optimum from nothing, whatever the encoder references; where elevations vary so
+/// little that opposite mirror tilts fit alike, both are tried and the better one is taken. With [`Start::Zeros`] and
 /// [`Start::At`] the fit begins where it is told if every beam reaches its target from there; if not, it is
 /// first brought near by the normals the spots ask for, but no other reference is tried.
 ///
@@ -238,53 +258,55 @@ pub fn fit(
     };
     let mut system = problem.system();
     let first = start::first(mount, options);
-    let mut iterations = 0;
-    let mut best: Option<Descent> = None;
     let direct = options.start != Start::Cold && all_hit(&sightings, &first);
-    if direct {
-        best = Some(descend(&mut problem, &mut system, &first, options));
+    let mut near = Vec::new();
+    let begin = if direct {
+        first
     } else {
         let places = match options.start {
             Start::Cold => start::scan(&sightings, &options.constraints, &first),
             Start::Zeros | Start::At(_) => vec![first],
         };
-        let near = start::approach(&sightings, options, &places);
-        iterations = near.iter().map(|place| place.iterations).sum();
-        let rival = near.first().map_or(0.0, |place| RIVAL * place.sum);
-        for (i, place) in near.iter().enumerate() {
-            let settled = best.as_ref().is_some_and(|b| b.outcome.sum.is_finite());
-            let known = || {
-                near[..i]
-                    .iter()
-                    .any(|n| start::same(&n.values, &place.values))
-            };
-            if settled && (place.sum > rival || known()) {
-                continue;
-            }
-            let found = descend(&mut problem, &mut system, &place.values, options);
-            let spent = best.as_ref().map_or(0, |b| b.outcome.iterations);
-            let better = best
-                .as_ref()
-                .is_none_or(|b| found.outcome.sum < b.outcome.sum);
-            let all = spent + found.outcome.iterations;
-            if better {
-                best = Some(found);
-            }
-            if let Some(best) = &mut best {
-                best.outcome.iterations = all;
-            }
+        near = start::approach(&sightings, options, &places);
+        near.first().map_or(first, |place| place.values)
+    };
+    let mut iterations: usize = near.iter().map(|place| place.iterations).sum();
+    let mut best = descend(&mut problem, &mut system, &begin, options);
+    iterations += best.outcome.iterations;
+    let mut attempt = |best: &mut Descent, place: &[f64; COUNT]| {
+        let found = descend(&mut problem, &mut system, place, options);
+        iterations += found.outcome.iterations;
+        if found.merit() < best.merit() {
+            *best = found;
+        }
+    };
+    for (i, place) in near.iter().enumerate().skip(1) {
+        let rival = place.sum <= RIVAL * near[0].sum || !best.outcome.sum.is_finite();
+        let known = |n: &Outcome| start::same(&n.values, &place.values);
+        if rival && !near[..i].iter().any(known) {
+            attempt(&mut best, &place.values);
         }
     }
-    let Some(found) = best else {
-        return Err(CalibrationError::NothingFree); // approach() answers for every place
-    };
-    iterations += found.outcome.iterations;
+    if options.start == Start::Cold && best.outcome.stop.converged() {
+        let errors = standard_errors(&sightings, options, &best);
+        let twin = start::twin(
+            &sightings,
+            options,
+            &best.outcome.values,
+            &errors,
+            best.scale,
+        );
+        if let Some(twin) = twin {
+            attempt(&mut best, &twin.values);
+            iterations += twin.iterations;
+        }
+    }
     Ok(answer(
         mount,
         observations,
         &sightings,
         options,
-        &found,
+        &best,
         iterations,
     ))
 }
@@ -344,7 +366,7 @@ pub(crate) fn check(
         return Err(CalibrationError::NothingFree);
     }
     let each = match options.residual {
-        ResidualForm::Components => 2,
+        ResidualForm::Components | ResidualForm::Beam => 2,
         ResidualForm::Distance => 1,
     };
     let wanted = (parameters - priors(&options.constraints))
@@ -406,11 +428,45 @@ fn all_hit(sightings: &[Sighting<f64>], values: &[f64; COUNT]) -> bool {
     sightings.iter().all(|s| landing(&pose, s).hits())
 }
 
+/// Standard errors at an optimum, for plain use: sqrt(diagonal of (JᵀJ)⁻¹) times the scale.
+fn standard_errors(
+    sightings: &[Sighting<f64>],
+    options: &FitOptions,
+    found: &Descent,
+) -> [f64; COUNT] {
+    let roots = found.weights.iter().map(|w| libm::sqrt(*w));
+    let problem = Spots {
+        sightings,
+        factors: sightings
+            .iter()
+            .zip(roots)
+            .map(|(s, w)| s.weight * w)
+            .collect(),
+        form: options.residual.of_components(),
+        constraints: &options.constraints,
+    };
+    let mut system = problem.system();
+    problem.linearise(&found.outcome.values, &mut system);
+    let covariance = covariance::of(&system, 2 * sightings.len(), found.scale);
+    core::array::from_fn(|k| libm::sqrt(covariance[k][k]))
+}
+
 /// Where a descent on spots ended.
 struct Descent {
     outcome: Outcome,
     weights: Vec<f64>,
     scale: f64,
+}
+
+impl Descent {
+    /// What the better of two places has less of. Sums with different robust weights cannot be compared.
+    fn merit(&self) -> f64 {
+        if self.outcome.sum.is_finite() {
+            self.scale
+        } else {
+            f64::INFINITY
+        }
+    }
 }
 
 /// From a place to the optimum next to it.

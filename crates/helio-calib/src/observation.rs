@@ -138,4 +138,20 @@ impl Sighting<f64> {
             weight: observation.sigma_m.map_or(1.0, f64::recip),
         }
     }
+
+    /// What turns a residual on the plane into one across the beam that led to the observed spot: turned
+    /// along the beam's shadow on the plane and foreshortened there. Over the slant it is then an
+    /// angle, as in `beam_rms_mrad`, however obliquely the target is met.
+    #[must_use]
+    pub fn across_beam(&self) -> [[f64; 2]; 2] {
+        let [u, v] = self.spot_m;
+        let level = libm::hypot(u, v);
+        if level == 0.0 {
+            return [[1.0, 0.0], [0.0, 1.0]];
+        }
+        let (cosine, sine) = (u / level, v / level);
+        let along_normal = libm::fabs(self.centre_along_normal_m);
+        let shortened = along_normal / libm::hypot(along_normal, level);
+        [[-sine, cosine], [cosine * shortened, sine * shortened]]
+    }
 }

@@ -2,7 +2,7 @@
 
 use crate::fit::{Constraint, ResidualForm};
 use crate::measures::{observed_spot, wanted_normal};
-use crate::model::{Pose, landing, normal};
+use crate::model::{Landing, Pose, landing, normal};
 use crate::observation::Sighting;
 use crate::parameters::COUNT;
 use crate::solver::{LeastSquares, System};
@@ -66,11 +66,37 @@ pub(crate) struct Spots<'a> {
 impl Spots<'_> {
     pub fn system(&self) -> System {
         let each = match self.form {
-            ResidualForm::Components => 2,
+            ResidualForm::Components | ResidualForm::Beam => 2,
             ResidualForm::Distance => 1,
         };
         let rows = each * self.sightings.len() + priors(self.constraints);
         System::new(rows, columns(self.constraints))
+    }
+
+    /// A residual as the form sees it.
+    fn seen(&self, sighting: &Sighting<f64>, [du, dv]: [f64; 2]) -> [f64; 2] {
+        match self.form {
+            ResidualForm::Beam => sighting.across_beam().map(|[u, v]| u * du + v * dv),
+            ResidualForm::Components | ResidualForm::Distance => [du, dv],
+        }
+    }
+
+    /// [`seen`](Self::seen), with the derivatives.
+    fn turned(
+        &self,
+        sighting: &Sighting<f64>,
+        land: &Landing<f64>,
+    ) -> ([f64; 2], [[f64; COUNT]; 2]) {
+        let slopes = match self.form {
+            ResidualForm::Beam => {
+                let [right, down] = &land.slopes;
+                sighting
+                    .across_beam()
+                    .map(|[u, v]| core::array::from_fn(|k| u * right[k] + v * down[k]))
+            }
+            ResidualForm::Components | ResidualForm::Distance => land.slopes,
+        };
+        (self.seen(sighting, land.residual_m), slopes)
     }
 
     fn used(&self) -> impl Iterator<Item = (usize, &Sighting<f64>, f64)> {
@@ -91,7 +117,7 @@ impl LeastSquares for Spots<'_> {
                 if !land.hits() {
                     return f64::INFINITY;
                 }
-                let [du, dv] = land.residual_m;
+                let [du, dv] = self.seen(sighting, land.residual_m);
                 sum += factor * factor * (du * du + dv * dv);
             }
         }
@@ -104,14 +130,14 @@ impl LeastSquares for Spots<'_> {
         for (i, sighting, factor) in self.used() {
             let (residual, slopes) = if factor > 0.0 {
                 let land = landing(&pose, sighting);
-                (land.residual_m, land.slopes)
+                self.turned(sighting, &land)
             } else {
                 ([0.0; 2], [[0.0; COUNT]; 2])
             };
             let [du, dv] = residual;
             sum += factor * factor * (du * du + dv * dv);
             match self.form {
-                ResidualForm::Components => {
+                ResidualForm::Components | ResidualForm::Beam => {
                     system.set(2 * i, du, &slopes[0], factor);
                     system.set(2 * i + 1, dv, &slopes[1], factor);
                 }

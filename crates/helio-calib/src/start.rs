@@ -31,6 +31,11 @@ const WORTH: f64 = 100.0;
 /// And within this factor of what a descent has reached: where normals already agree to a hundredth of what the
 /// further place is off by, there is no need.
 const SETTLED: f64 = 1e4;
+/// A twin is looked for where it is within this many standard errors: in a double well V = b (1 - x²)² it is
+/// 4 sqrt(b) of them away, and a pass of b = 16 variances is no low one.
+const TWIN_SIGMAS: f64 = 16.0;
+/// And descended from where S has risen there by less than this share of what it would have in a single well.
+const TWIN: f64 = 0.5;
 /// Two places that come as near as this in every parameter lead to one optimum.
 const SAME_RAD: f64 = 2e-2;
 /// Most iterations of one descent on normals.
@@ -123,6 +128,40 @@ pub(crate) fn approach(
     }
     found.sort_by(|a, b| a.sum.total_cmp(&b.sum));
     found
+}
+
+/// The other of two optima that differ in the sign of d2 = (sin(mu) - sin(tau1) c3)/cos(tau1), brought near; only
+/// where `standard_errors` say that the mirror tilt is little known.
+///
+/// The normal depends on d2 in two ways (Guo 2015 eq. 23-25): as a turn about the fixed axis by about
+/// d2/cos(alpha), and through the root of 1 - d2², to second order. Where alpha hardly varies the azimuth
+/// reference makes up for the turn, and d2 and -d2 are two minima with a low pass between them. So the mirror
+/// tilt (the non-orthogonality where that is held) is turned round and kept while all else comes near.
+pub(crate) fn twin(
+    sightings: &[Sighting<f64>],
+    options: &FitOptions,
+    values: &[f64; COUNT],
+    standard_errors: &[f64; COUNT],
+    scale: f64,
+) -> Option<Outcome> {
+    let turned = [Parameter::MirrorTilt, Parameter::AxisNonorthogonality]
+        .map(|parameter| parameter as usize)
+        .into_iter()
+        .find(|&k| options.constraints[k] != Constraint::Held)?;
+    let sigmas = 2.0 * values[turned].abs() / standard_errors[turned];
+    if sigmas > TWIN_SIGMAS {
+        return None;
+    }
+    let mut other = *values;
+    other[turned] = -other[turned];
+    let mut kept = *options;
+    kept.constraints[turned] = Constraint::Held;
+    kept.free().next()?;
+    let found = approach(sightings, &kept, &[other]).into_iter().next()?;
+    let offset = values[Parameter::MirrorOffset as usize];
+    let problem = Normals::new(sightings, &options.constraints, offset);
+    let rise = problem.sum(&found.values) - problem.sum(values);
+    (rise < TWIN * sigmas * sigmas * scale * scale).then_some(found)
 }
 
 /// True if two places are one mount within a degree.

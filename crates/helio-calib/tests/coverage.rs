@@ -1,5 +1,11 @@
 //! Stated 95 % intervals contain the truth 95 % of the time.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "tests fail and talk"
+)]
+
 mod common;
 
 use common::{Rng, campaign, errors, parameters, place};
@@ -77,8 +83,6 @@ fn intervals_contain_the_truth_as_often_as_they_say() {
             "{loss:?}, tilt where its azimuth is known: {:.1} %",
             100.0 * tilt
         );
-        if loss == Loss::Squares {
-            assert!(wrong.is_empty(), "{wrong:?}");
-        }
+        assert!(wrong.is_empty(), "{loss:?}: {wrong:?}");
     }
 }

@@ -12,6 +12,7 @@ use campaigns::{Bending, DAY_NS, Heliostat};
 use helio_calib::diagnosis::{CalibrateOptions, Context, calibrate};
 use helio_calib::random::Random;
 use helio_calib::simulate::{SimulateOptions, simulate};
+use helio_core::{EnuUnit, MountAxes, TrackingMode};
 
 /// Campaigns of every kind: a few records or many, one day or a year, mornings only, high suns only.
 fn options(heliostat: &Heliostat, random: &mut Random, kind: usize) -> SimulateOptions {
@@ -73,7 +74,8 @@ fn refuses_what_would_point_badly() {
             // the sun never gets so high there
             continue;
         };
-        let bending = Bending::draw(&mut random, 0.5);
+        // as far from six angles as recorded mounts are
+        let bending = Bending::draw(&mut random, 1.0);
         let mut observations = simulated.observations;
         bending.bend(&mut observations);
         let context = Context {
@@ -136,4 +138,50 @@ fn refuses_what_would_point_badly() {
     assert!(table[0][3] == 0, "{table:?}");
     assert!(table[0][2] * 20 <= accepted, "{table:?}");
     assert!(table[0][0] * 100 >= good * 75, "{table:?}");
+}
+
+/// Theory: across the elevation the beam turns by -gamma0 cos(alpha) + mu - tau1 sin(alpha), so a narrow range of
+/// elevations leaves the azimuth reference and the mirror's tilt (and tau1) in one sum.
+#[test]
+fn says_what_cannot_be_told_apart_and_what_would_help() {
+    let mut random = Random::new(52);
+    let mut heliostat = Heliostat::draw(&mut random);
+    heliostat.mount.axes = MountAxes::of(TrackingMode::AzimuthElevation, EnuUnit::UP);
+    let mut options = heliostat.options(&mut random);
+    // a January: low suns only
+    options.to_unix_ns = options.from_unix_ns + 30 * DAY_NS;
+    options.count = 15;
+    let simulated = simulate(
+        &heliostat.mount,
+        &heliostat.truth,
+        &heliostat.targets,
+        &heliostat.site,
+        &options,
+    )
+    .unwrap();
+    let context = Context {
+        site_latitude_rad: Some(heliostat.latitude_rad),
+        ..Context::default()
+    };
+    let options = CalibrateOptions {
+        max_year_pointing_mrad: 0.05,
+        ..CalibrateOptions::default()
+    };
+    let answer = calibrate(
+        &heliostat.mount,
+        &simulated.observations,
+        &context,
+        &options,
+    )
+    .unwrap();
+    let verdict = answer.epochs[0].verdict.to_string();
+    eprintln!("{verdict}");
+    for words in [
+        "azimuth reference",
+        "mirror tilt",
+        "cannot be told apart",
+        "at higher elevation",
+    ] {
+        assert!(verdict.contains(words), "{words}: {verdict}");
+    }
 }

@@ -247,6 +247,7 @@ fn nothing_is_lost() {
     observations[3].u_m = f64::NAN;
     observations[5].sigma_m = Some(0.0);
     observations.push(observations[7]);
+    observations[9].axis1_rad += 2.0;
     let answer = judge(&heliostat, &observations, &[]);
     let reasons: Vec<_> = answer.rejected.iter().map(|r| (r.row, r.reason)).collect();
     assert_eq!(
@@ -254,10 +255,11 @@ fn nothing_is_lost() {
         [
             (3, Reason::NotFinite),
             (5, Reason::NotFinite),
+            (9, Reason::MissesTarget),
             (20, Reason::Duplicate { of: 7 })
         ]
     );
-    assert_eq!(answer.epochs[0].rows.len(), 18);
+    assert_eq!(answer.epochs[0].rows.len(), 17);
 
     let answer = judge(&heliostat, &observations[..2], &[]);
     assert_eq!(
@@ -270,10 +272,10 @@ fn nothing_is_lost() {
     assert!(answer.epochs.is_empty());
 
     // one time: the same sun, spots in several places
-    let same: Vec<Observation> = observations[8..16]
+    let same: Vec<Observation> = observations[10..18]
         .iter()
         .map(|o| Observation {
-            sun: observations[8].sun,
+            sun: observations[10].sun,
             ..*o
         })
         .collect();

@@ -1,6 +1,12 @@
 //! The 24 campaigns of `tests/reference/calibration.json` (its `source` says where they come from), from zero
 //! start, with both solvers and both forms of the residual.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "tests fail and talk"
+)]
+
 use helio_calib::{
     Fit, FitOptions, Mount, Observation, Parameters, ResidualForm, Solver, Start, Stop, fit,
 };

@@ -1,5 +1,11 @@
 //! 10,000 random heliostats of which nothing is known: every fit reaches its optimum.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "tests fail and talk"
+)]
+
 mod common;
 
 use common::{Rng, campaign, errors, parameters, place};
@@ -8,6 +14,8 @@ use helio_core::TrackingMode;
 use rayon::prelude::*;
 
 const HELIOSTATS: u64 = 10_000;
+/// How many of them are fitted from plain zeros too, where not all can be reached.
+const FROM_ZEROS: u64 = 1_000;
 
 #[test]
 fn every_random_heliostat_reaches_its_optimum_from_cold() {
@@ -18,7 +26,11 @@ fn every_random_heliostat_reaches_its_optimum_from_cold() {
                 start,
                 ..FitOptions::default()
             };
-            let found: Vec<(bool, usize, String)> = (0..HELIOSTATS)
+            let count = match start {
+                Start::Cold => HELIOSTATS,
+                _ => FROM_ZEROS,
+            };
+            let found: Vec<(bool, usize, String)> = (0..count)
                 .into_par_iter()
                 .map(|seed| {
                     let mut rng = Rng::new(seed);
@@ -56,7 +68,7 @@ fn every_random_heliostat_reaches_its_optimum_from_cold() {
                 *histogram.entry(*iterations).or_insert(0_usize) += 1;
             }
             println!(
-                "{solver:?} from {start:?}: {} of {HELIOSTATS} reach the optimum",
+                "{solver:?} from {start:?}: {} of {count} reach the optimum",
                 found.len() - missed.len()
             );
             println!("iterations: heliostats {histogram:?}");

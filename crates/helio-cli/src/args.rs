@@ -243,6 +243,16 @@ pub(crate) struct CalibrateArgs {
     /// File for the list of rejected records
     #[arg(long, value_name = "FILE")]
     pub(crate) rejected: Option<PathBuf>,
+    /// Propose the next N observations of each heliostat, those that lower its predicted pointing
+    /// uncertainty most; to --plan-out, or to standard output instead of the calibration
+    #[arg(long, value_name = "N", requires = "plan_date", value_parser = clap::value_parser!(u16).range(1..=1000))]
+    pub(crate) plan: Option<u16>,
+    /// Day of the proposed observations, such as 2026-06-21
+    #[arg(long, value_name = "DATE", requires = "plan")]
+    pub(crate) plan_date: Option<String>,
+    /// File for the proposed observations
+    #[arg(long, value_name = "FILE", requires = "plan")]
+    pub(crate) plan_out: Option<PathBuf>,
     /// Go on with an interrupted run of the same inputs and options
     #[arg(long, requires = "out")]
     pub(crate) resume: bool,
@@ -262,6 +272,10 @@ pub(crate) struct FitArgs {
     /// How much large residuals count in the last fit
     #[arg(long, value_name = "LOSS", default_value = "none")]
     pub(crate) robust: RobustWord,
+    /// Parameter sets over the day: one, two (morning and afternoon), or as many as predict unseen
+    /// days best
+    #[arg(long, value_name = "SETS", default_value = "1")]
+    pub(crate) sets: SetsWord,
     /// Fit the mirror offset as a seventh parameter
     #[arg(long)]
     pub(crate) fit_mirror_offset: bool,
@@ -294,6 +308,8 @@ pub(crate) enum SolverWord {
 pub(crate) enum ResidualWord {
     Components,
     Distance,
+    /// Components across the beam, as beam_rms_mrad counts them
+    Beam,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -302,6 +318,15 @@ pub(crate) enum RobustWord {
     Huber,
     StudentT,
     Cauchy,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SetsWord {
+    #[value(name = "1")]
+    One,
+    #[value(name = "2")]
+    Two,
+    Auto,
 }
 
 /// The word that somebody types for a value.
@@ -346,7 +371,7 @@ pub(crate) struct OutArgs {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Simulate {
     Field(SimulateFieldArgs),
-    Observations(SimulateObservationsArgs),
+    Observations(Box<SimulateObservationsArgs>),
 }
 
 /// Synthetic camera observations of a field: what calibrate reads

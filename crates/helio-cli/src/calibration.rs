@@ -29,6 +29,17 @@ pub(crate) struct Done {
     pub(crate) rejected: Vec<Left>,
     /// In words.
     pub(crate) findings: Vec<String>,
+    /// Numbers of sets over the day that were compared, for each epoch in turn.
+    pub(crate) choices: Vec<Choice>,
+}
+
+/// A number of sets over the day.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(crate) struct Choice {
+    pub(crate) sets: usize,
+    pub(crate) chosen: bool,
+    pub(crate) beam_rms_mrad: Exact,
+    pub(crate) unseen_rms_mrad: Option<Exact>,
 }
 
 /// A parameter set.

@@ -4,7 +4,9 @@
 
 mod args;
 mod calibration;
+mod calibration_page;
 mod commands;
+mod comparison;
 mod failure;
 mod plan;
 mod plot;

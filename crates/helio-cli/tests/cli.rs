@@ -786,6 +786,8 @@ fn the_examples_of_the_help_work() {
         &["track"],
         &["predict"],
         &["simulate", "field"],
+        &["simulate", "observations"],
+        &["calibrate"],
         &["schema"],
     ];
     let folder = Folder::empty();

@@ -35,7 +35,7 @@ fn arguments(line: &str) -> Option<(Vec<&str>, Option<&str>)> {
 fn run(page: &Path) -> (usize, usize) {
     let folder = Folder::empty();
     std::fs::create_dir(folder.path().join("examples")).unwrap();
-    for name in ["field.toml", "heliostats.csv"] {
+    for name in ["field.toml", "heliostats.csv", "observations.csv"] {
         let from = root().join("examples").join(name);
         std::fs::copy(from, folder.path().join("examples").join(name)).unwrap();
     }

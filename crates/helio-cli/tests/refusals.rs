@@ -65,6 +65,11 @@ impl<'a> Case<'a> {
         self.files.push((name, contents.into()));
         self
     }
+
+    fn args(mut self, args: &[&'a str]) -> Self {
+        self.args = args.to_vec();
+        self
+    }
 }
 
 /// Runs each case in a folder of its own and compares what it says with the snapshot.
@@ -623,6 +628,186 @@ fn init_does_not_replace() {
         vec![
             any("a field is there", &["init", "."]),
             any("a file has the folder's name", &["init", "heliostats.csv"]),
+        ],
+    );
+}
+
+const SEEN: &str = "heliostat_id,time,axis1_deg,axis2_deg,target,u_m,v_m,sigma_m\n\
+                    A1,2026-06-21T12:00:00Z,170,40,receiver,0.5,-0.2,0.02\n\
+                    A2,2026-06-21T12:00:00Z,171,41,receiver,0.1,0.2,0.02\n";
+
+/// `calibrate` with these arguments and good observations.
+fn calibrate<'a>(what: &'a str, more: &[&'a str]) -> Case<'a> {
+    let args = [
+        "calibrate",
+        "--field",
+        "field.toml",
+        "--observations",
+        "seen.csv",
+    ];
+    any(what, &[&args, more].concat()).and("seen.csv", SEEN)
+}
+
+/// `calibrate` with a piece of the observations replaced.
+fn observed<'a>(what: &'a str, from: &str, to: &str) -> Case<'a> {
+    assert!(SEEN.contains(from), "{from}");
+    calibrate(what, &[]).and("seen.csv", SEEN.replacen(from, to, 1))
+}
+
+#[test]
+fn observations() {
+    refused(
+        "observations",
+        vec![
+            any(
+                "observations do not exist",
+                &[
+                    "calibrate",
+                    "--field",
+                    "field.toml",
+                    "--observations",
+                    "seen.csv",
+                ],
+            ),
+            calibrate("observations are a folder", &[])
+                .and("field.toml", FIELD)
+                .args(&["calibrate", "--field", "field.toml", "--observations", "."]),
+            observed("a heliostat not in the field", "A2,", "A22,"),
+            observed("a target that nobody knows", "receiver", "reciever"),
+            observed("no number", ",0.5,", ",NaN,"),
+            observed("infinite", ",0.5,", ",-inf,"),
+            observed("text for a number", ",170,", ",south,"),
+            observed("steps for degrees", ",170,", ",170000,"),
+            observed("a time without an offset", "12:00:00Z", "12:00:00"),
+            observed("a ragged row", ",0.2,0.02", ",0.2"),
+            observed("a sigma of zero", "0.02", "0"),
+            observed("a column too many", "sigma_m", "noise"),
+            observed("a column too few", "axis2_deg", "record_id"),
+            observed("sun azimuths from south", "time", "sun_azimuth_south_deg"),
+            observed("only at night", "T12:00:00Z,170", "T02:00:00Z,170")
+                .and("seen.csv", SEEN.replace("T12", "T02")),
+            toml_and(
+                "an unknown key of [observations]",
+                "[observations]\ncolumn = 1\n",
+            ),
+        ],
+    );
+}
+
+#[test]
+fn calibration_options() {
+    refused(
+        "calibration_options",
+        vec![
+            calibrate("an unknown solver", &["--solver", "levenberg"]),
+            calibrate("an unknown residual", &["--residual", "angle"]),
+            calibrate("an unknown loss", &["--robust", "tukey"]),
+            calibrate("sets", &["--sets", "3"]),
+            calibrate("an unknown parameter to hold", &["--hold", "tilt"]),
+            calibrate(
+                "everything held",
+                &[
+                    "--hold",
+                    "pedestal_tilt,axis_nonorthogonality,mirror_tilt,azimuth_reference,elevation_reference",
+                ],
+            ),
+            calibrate(
+                "held and fitted",
+                &["--fit-mirror-offset", "--hold", "mirror_offset"],
+            ),
+            calibrate("a prior without a mean", &["--prior", "mirror_tilt=0.1"]),
+            calibrate("a prior of nothing", &["--prior", "0:0.1"]),
+            calibrate("a prior without width", &["--prior", "mirror_tilt=0:0"]),
+            calibrate(
+                "a prior that is no number",
+                &["--prior", "mirror_tilt=0:NaN"],
+            ),
+            calibrate("a tilt known to lean", &["--prior", "pedestal_tilt=1:0.1"]),
+            calibrate(
+                "a prior of what is held",
+                &["--hold", "mirror_tilt", "--prior", "mirror_tilt=0:0.1"],
+            ),
+            calibrate("resume without a file", &["--resume"]),
+            calibrate("a report of another kind", &["--report", "page.pdf"]),
+            calibrate(
+                "one file for two",
+                &["--out", "c.csv", "--rejected", "c.csv"],
+            ),
+            calibrate("observations replaced", &["--out", "seen.csv"]),
+            calibrate("the field replaced", &["--rejected", "heliostats.csv"]),
+            calibrate("an unknown suffix", &["--out", "c.xlsx"]),
+            calibrate("a plan without a day", &["--plan", "3"]),
+            calibrate(
+                "a plan for no day",
+                &["--plan", "3", "--plan-date", "tomorrow"],
+            ),
+            calibrate("no earlier calibration", &["--compare", "old.csv"]),
+            calibrate(
+                "an earlier calibration that is none",
+                &["--compare", "seen.csv"],
+            ),
+            calibrate("finished parts of something else", &["--out", "c.csv"])
+                .and("c.csv.part", "id,set\n"),
+            calibrate(
+                "finished parts that are none",
+                &["--out", "c.csv", "--resume"],
+            )
+            .and("c.csv.part", "id,set\n"),
+            any(
+                "simulated hours",
+                &[
+                    "simulate",
+                    "observations",
+                    "--field",
+                    "field.toml",
+                    "--hours",
+                    "15-9",
+                ],
+            ),
+            any(
+                "a simulated jump",
+                &[
+                    "simulate",
+                    "observations",
+                    "--field",
+                    "field.toml",
+                    "--jump",
+                    "2026-01-01,1",
+                ],
+            ),
+            any(
+                "an unknown heliostat",
+                &[
+                    "simulate",
+                    "observations",
+                    "--field",
+                    "field.toml",
+                    "--ids",
+                    "A9",
+                ],
+            ),
+            any(
+                "an unknown target",
+                &[
+                    "simulate",
+                    "observations",
+                    "--field",
+                    "field.toml",
+                    "--target",
+                    "white",
+                ],
+            ),
+            any(
+                "no sun that high",
+                &[
+                    "simulate",
+                    "observations",
+                    "--field",
+                    "field.toml",
+                    "--min-sun-elevation-deg",
+                    "85",
+                ],
+            ),
         ],
     );
 }

@@ -8,7 +8,8 @@ pub mod drive;
 pub mod error;
 pub mod field;
 pub mod frame;
-mod lanes;
+#[doc(hidden)]
+pub mod lanes;
 pub mod layout;
 pub mod mount;
 pub mod offset;

@@ -272,7 +272,11 @@ impl<'a> Reader<'a> {
         }
         let sun = both_or_none(table, &keys::SUN_AZIMUTH, &keys::SUN_ELEVATION)?;
         if !sun && !table.has(&keys::TIME) {
-            return Err(table.missing_column(&keys::TIME));
+            let problem = Problem::Missing {
+                what: "column `time`".into(),
+                wanted: "or sun_azimuth_deg and sun_elevation_deg instead".into(),
+            };
+            return Err(IoError::new(table.table().header_place(), problem));
         }
         let spot = both_or_none(table, &keys::SPOT_U, &keys::SPOT_V)?;
         let point = [&keys::SPOT_EAST, &keys::SPOT_NORTH, &keys::SPOT_UP];
@@ -345,7 +349,18 @@ impl<'a> Reader<'a> {
 
     fn axes(&self, row: usize, id: &str, heliostat: usize) -> Result<(f64, f64), IoError> {
         let table = self.table;
-        if let Some((axis1, axis2)) = pair(table, row, id, &keys::AXIS1, &keys::AXIS2)? {
+        let angles = pair(table, row, id, &keys::AXIS1, &keys::AXIS2).map_err(|error| {
+            let Problem::OutOfRange { value, .. } = error.problem() else {
+                return error;
+            };
+            let message = format!(
+                "{} is no angle in degrees; it looks like motor steps, which go in the columns axis1_steps \
+                 and axis2_steps",
+                short(*value)
+            );
+            IoError::new(error.place().clone(), Problem::Conflict { message })
+        })?;
+        if let Some((axis1, axis2)) = angles {
             return Ok((radians(axis1), radians(axis2)));
         }
         match pair(table, row, id, &keys::AXIS1_STEPS, &keys::AXIS2_STEPS)? {

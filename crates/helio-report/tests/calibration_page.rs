@@ -297,13 +297,24 @@ fn a_section_shows_everything() {
         "Correlations of the fitted parameters",
         "RMS over the field",
         "2 of 400 heliostats have a section below",
-        "398 are left out",
+        "398 are left out, of which ",
     ] {
         assert!(html.contains(text), "{text}");
     }
     // Two pictures of the field and four of each heliostat; each has its title.
     assert_eq!(html.matches("<svg role=\"img\"").count(), 2 + 2 * 4);
     assert_eq!(html.matches("</title><desc>").count(), 2 + 2 * 4);
+}
+
+#[test]
+fn parts_of_the_day_are_no_jumps() {
+    let mut section = heliostat("A1", 80, 1, 4);
+    let all = section.epochs[1].to_unix_ns;
+    section.epochs[0].to_unix_ns = all;
+    let html = drawn("calibration-sets", &page(field(3), vec![section]));
+    assert!(html.contains("2 parts of the day have parameters of their own"));
+    assert!(html.contains("<h3>Set 2</h3>") && html.contains(">set 1<"));
+    assert!(!html.contains("jumped") && !html.contains("epoch 2"));
 }
 
 #[test]
@@ -339,7 +350,7 @@ fn odd_pages_are_drawn() {
         ..HeliostatSummary::default()
     }];
     let html = drawn("calibration-one", &page(lines.clone(), vec![one.clone()]));
-    assert!(!html.contains("left out;"));
+    assert!(!html.contains("have a section below"));
 
     // Not a single finite number.
     let nothing = Record {

@@ -12,6 +12,10 @@ const SUBSETS: usize = 100;
 const FOLLOWED: usize = 6;
 /// Records of a subset: two equations each, one more than six angles need.
 const SUBSET: usize = 4;
+/// Records farther than this many scales stick out; ...
+const STICKING_OUT: f64 = 4.5;
+/// ... one in so many is few.
+const FEW: usize = 5;
 /// Median of the length of two unit normal deviates.
 const MEDIAN_RADIUS: f64 = 1.177_41;
 /// Degrees of freedom of a scale from the median, over those of one from the sum of squares. Records have longer
@@ -171,11 +175,13 @@ pub fn start(
         Model::single(elected),
         least,
     );
-    let largest = squares(records, &epochs, &plain.0)
+    let far = (STICKING_OUT * plain.1) * (STICKING_OUT * plain.1);
+    let sticking_out = squares(records, &epochs, &plain.0)
         .into_iter()
-        .fold(0.0, f64::max);
-    // Nothing sticks out: subsets would find nothing else.
-    if largest < (4.5 * plain.1) * (4.5 * plain.1) && plain.1 < 6.0 * least {
+        .filter(|&square| square > far)
+        .count();
+    // Most records agree closely and the others stick out: subsets would find the same.
+    if plain.1 < 6.0 * least && sticking_out * FEW <= records.len() {
         return plain;
     }
     let model = trimmed(frame, records, elected, seed);

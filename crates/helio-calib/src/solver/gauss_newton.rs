@@ -6,7 +6,7 @@ use super::Trial;
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 /// eps3: width of the bracket, in steps, at which the search ends. The paper prints "a_k < eps3", which
 /// would ask for a step of no length.
-const MIN_WIDTH: f64 = 1e-3;
+const MIN_WIDTH: f64 = 1e-2;
 /// Longest step that is tried, in Gauss-Newton steps.
 const MAX_PART: f64 = 64.0;
 /// Shortest bracket's end that is tried where longer steps leave the target.

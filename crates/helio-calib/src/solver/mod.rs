@@ -3,7 +3,7 @@
 mod gauss_newton;
 mod hartley_meyer;
 
-use faer::{Col, Mat};
+use faer::{Col, ColRef, Mat};
 
 use crate::fit::{FitOptions, Solver, Stop};
 use crate::parameters::COUNT;
@@ -11,6 +11,12 @@ use crate::parameters::COUNT;
 /// Singular values below this share of the largest count as zero (columns scaled).
 pub(crate) const RANK_TOLERANCE: f64 = 1e-11;
 
+/// A step that promises to lower S by this share and lowers it by none is no end of a descent.
+const STUCK_SHARE: f64 = 1e-6;
+/// Singular values below this share of the largest are left out of a careful step.
+const BADLY_DETERMINED: f64 = 0.02;
+/// A step of which less than this part can be taken is compared with a careful one.
+const SHORT_PART: f64 = 0.2;
 /// Steps one after the other that neither lower S nor become shorter before a fit ends: what is left is rounding.
 const IDLE_STEPS: usize = 3;
 /// A step counts as shorter if it is by this factor than every one before.
@@ -96,7 +102,27 @@ impl Step {
         } else {
             0.0
         };
-        let solution = full_rank(&scaled, &right).unwrap_or_else(|| shortest(&scaled, &right));
+        let solution =
+            full_rank(&scaled, &right).unwrap_or_else(|| shortest(&scaled, &right, RANK_TOLERANCE));
+        Self::new(system, &lengths, &solution, along.as_ref(), gradient)
+    }
+
+    /// The same without the combinations that the observations determine badly: shorter, and less of a fall.
+    fn careful(system: &System) -> Self {
+        let (scaled, lengths) = system.scaled();
+        let right = Col::from_fn(system.residuals.len(), |i| system.residuals[i]);
+        let along = scaled.transpose() * &right;
+        let solution = shortest(&scaled, &right, BADLY_DETERMINED);
+        Self::new(system, &lengths, &solution, along.as_ref(), 1.0)
+    }
+
+    fn new(
+        system: &System,
+        lengths: &[f64],
+        solution: &[f64],
+        along: ColRef<'_, f64>,
+        gradient: f64,
+    ) -> Self {
         let mut values = [0.0; COUNT];
         let (mut descent, mut square) = (0.0, 0.0);
         for (k, &column) in system.columns.iter().enumerate() {
@@ -148,7 +174,7 @@ fn full_rank(matrix: &Mat<f64>, right: &Col<f64>) -> Option<Vec<f64>> {
 }
 
 /// The shortest least-squares solution by singular values; zero where they cannot be found.
-fn shortest(matrix: &Mat<f64>, right: &Col<f64>) -> Vec<f64> {
+fn shortest(matrix: &Mat<f64>, right: &Col<f64>, tolerance: f64) -> Vec<f64> {
     let columns = matrix.ncols();
     let mut solution = vec![0.0; columns];
     let Ok(svd) = matrix.thin_svd() else {
@@ -157,7 +183,7 @@ fn shortest(matrix: &Mat<f64>, right: &Col<f64>) -> Vec<f64> {
     let singular = svd.S().column_vector();
     let turned = svd.U().transpose() * right;
     for i in 0..singular.nrows() {
-        if singular[i] > RANK_TOLERANCE * singular[0] {
+        if singular[i] > tolerance * singular[0] {
             let along = turned[i] / singular[i];
             for (k, value) in solution.iter_mut().enumerate() {
                 *value += svd.V()[(k, i)] * along;
@@ -223,7 +249,8 @@ pub(crate) fn minimise(
     let mut shortest = f64::INFINITY;
     while best.iterations < limits.max_iterations {
         problem.linearise(&values, system);
-        let step = Step::of(system);
+        let mut step = Step::of(system);
+        let promise = -step.descent;
         if step.gradient <= limits.min_gradient {
             best.stop = Stop::SmallGradient;
             break;
@@ -233,17 +260,30 @@ pub(crate) fn minimise(
         let rounding = problem.rounding();
         let tolerance = 2.0 * libm::sqrt(sum * rounding) + rounding;
         let last = step.length < limits.min_step;
-        let sum_of = |part: f64| problem.sum(&step.from(&values, part));
-        let trial = if last {
-            // not worth a search
-            let sum = sum_of(1.0);
-            (sum <= best.sum + tolerance).then_some(Trial { part: 1.0, sum })
-        } else {
+        let search = |step: &Step| {
+            let sum_of = |part: f64| problem.sum(&step.from(&values, part));
             match solver {
                 Solver::HartleyMeyer => hartley_meyer::search(sum_of, sum, step.descent, tolerance),
                 Solver::GaussNewton => gauss_newton::search(sum_of, sum, tolerance),
             }
         };
+        let mut trial = if last {
+            // not worth a search
+            let sum = problem.sum(&step.from(&values, 1.0));
+            (sum <= best.sum + tolerance).then_some(Trial { part: 1.0, sum })
+        } else {
+            search(&step)
+        };
+        if !last && trial.is_none_or(|t| t.part < SHORT_PART) {
+            let other = Step::careful(system);
+            let found = search(&other);
+            if let Some(better) = found
+                && trial.is_none_or(|t| better.sum < t.sum)
+            {
+                trial = found;
+                step = other;
+            }
+        }
         if let Some(trial) = trial {
             values = step.from(&values, trial.part);
             let shorter = step.length < SHORTER * shortest;
@@ -263,7 +303,12 @@ pub(crate) fn minimise(
             break;
         }
         if trial.is_none() || idle == IDLE_STEPS {
-            best.stop = Stop::NoDescent;
+            let promised = promise > STUCK_SHARE * sum + tolerance;
+            best.stop = if promised {
+                Stop::Stuck
+            } else {
+                Stop::NoDescent
+            };
             break;
         }
     }

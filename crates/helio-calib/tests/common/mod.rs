@@ -2,6 +2,7 @@
 //! test goes in.
 
 #![allow(dead_code, reason = "each test file uses a part")]
+#![allow(clippy::unwrap_used, reason = "tests fail")]
 
 use std::f64::consts::{PI, TAU};
 
@@ -78,18 +79,24 @@ pub fn place(rng: &mut Rng, mode: TrackingMode) -> Place {
     }
 }
 
-/// A sun over 37° north at a random day and hour, at least 10° up.
+/// The sun over 37° north, if at least 10° up; hour angle west positive.
+pub fn sun_at(declination_rad: f64, hour_rad: f64) -> Option<EnuUnit> {
+    let (sin_l, cos_l) = 37_f64.to_radians().sin_cos();
+    let (sin_d, cos_d) = declination_rad.sin_cos();
+    let south = cos_d * hour_rad.cos() * sin_l - sin_d * cos_l;
+    let up = sin_d * sin_l + cos_d * hour_rad.cos() * cos_l;
+    let west = cos_d * hour_rad.sin();
+    let high = up > 10_f64.to_radians().sin();
+    high.then(|| EnuUnit::try_new(Enu::new(-west, -south, up)).unwrap())
+}
+
+/// A sun of a random day and hour.
 pub fn sun(rng: &mut Rng) -> EnuUnit {
-    let latitude = 37_f64.to_radians();
     loop {
         let declination = 23.4_f64.to_radians() * (TAU * rng.unit()).sin();
         let hour = rng.within(75_f64.to_radians());
-        let (sin_d, cos_d) = declination.sin_cos();
-        let south = cos_d * hour.cos() * latitude.sin() - sin_d * latitude.cos();
-        let up = sin_d * latitude.sin() + cos_d * hour.cos() * latitude.cos();
-        let west = cos_d * hour.sin();
-        if up > 10_f64.to_radians().sin() {
-            return EnuUnit::try_new(Enu::new(-west, -south, up)).unwrap();
+        if let Some(sun) = sun_at(declination, hour) {
+            return sun;
         }
     }
 }

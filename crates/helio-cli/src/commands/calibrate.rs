@@ -1,25 +1,35 @@
 //! `calibrate`: the angular errors of every heliostat from observations of its spot.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use helio_calib::plan::year_suns;
+use helio_calib::schedule::{Sets, fit_sets};
 use helio_calib::{
-    CalibrateOptions, Constraint, Context, Finding, FitOptions, Loss, Mount, Parameter, Parameters,
-    Reason, ResidualForm, Solver, Start, WrongCall,
+    CalibrateOptions, CalibrationError, Constraint, Context, Finding, Fit, FitOptions, Loss, Mount,
+    Observation, Parameter, Parameters, Reason, ResidualForm, Solver, Start, Uncertainty,
+    WrongCall,
 };
-use helio_core::angle::radians;
+use helio_calib::{Candidate, Duty, PlanOptions, Proposal};
+use helio_core::EnuUnit;
+use helio_core::angle::{degrees, radians};
 use helio_io::output::{Cells, write_columns};
 use helio_io::{
-    CalibratedSet, Finished, IoError, LeftAsideReason, LoadedField, Observations, Provenance,
-    Sha256, errors_as_written, format_time, hash_file, load_observations, write_calibration,
+    AtomicFile, CalibratedSet, Finished, HeliostatObservations, IoError, LeftAsideReason,
+    LoadedField, Observations, Provenance, Sha256, errors_as_written, format_time, hash_file,
+    load_calibration, load_observations, write_calibration,
 };
+use helio_report::calibration::calibration_page;
 use rayon::prelude::*;
 
 use super::track::stop_on_signals;
 use crate::Outcome;
-use crate::args::{CalibrateArgs, FitArgs, ResidualWord, RobustWord, SolverWord, word};
-use crate::calibration::{Done, DoneSet, Exact, Left};
+use crate::args::{CalibrateArgs, FitArgs, ResidualWord, RobustWord, SetsWord, SolverWord, word};
+use crate::calibration::{Choice, Done, DoneSet, Exact, Left};
+use crate::calibration_page::Source;
+use crate::comparison::Change;
 use crate::failure::Failure;
 use crate::plan;
 use crate::printer::{Bytes, Grouped, Printer};
@@ -34,14 +44,31 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
     let format = plan::format(args.out.out.as_deref(), args.out.format)?;
     let loaded = plan::field(&args.field, printer)?;
     let asked = Asked::new(&args.fit)?;
+    if asked.sets != Sets::One && loaded.site.is_none() {
+        return Err(Failure::refused(
+            "--sets: sets over the day go by the sun's hour angle, which needs the latitude from [site]",
+        ));
+    }
     let mut inputs = loaded.files.clone();
     inputs.push(args.observations.clone());
     inputs.extend(args.compare.clone());
     different_outputs(args)?;
-    for path in [&args.rejected, &args.report].into_iter().flatten() {
+    for path in [&args.rejected, &args.report, &args.plan_out]
+        .into_iter()
+        .flatten()
+    {
         plan::not_an_input(path, &inputs)?;
     }
     let destination = plan::destination(args.out.out.as_deref(), format, &inputs, printer)?;
+    let proposals = Proposals::new(args, &loaded)?;
+    let old = match &args.compare {
+        Some(path) => Some(load_calibration(path)?),
+        None => None,
+    };
+    let report = match &args.report {
+        Some(path) => Some(report_file(path)?),
+        None => None,
+    };
     // Both go through the whole file.
     let (observations, hash) = rayon::join(
         || load_observations(&args.observations, &loaded),
@@ -97,14 +124,43 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
     let (done, part) = run.all(part, printer)?;
 
     let sets: Vec<CalibratedSet> = done.iter().flat_map(|done| run.sets(done)).collect();
+    let changes = match &old {
+        Some(old) => run.changes(old, &sets),
+        None => Vec::new(),
+    };
+    if let Some(mut file) = report {
+        let page = Source {
+            loaded: &loaded,
+            observations: &observations,
+            done: &done,
+            provenance: &provenance,
+            findings: changes.clone(),
+        };
+        let path = file.path().to_owned();
+        file.write_all(calibration_page(&page.page()).as_bytes())
+            .map_err(|error| IoError::write(&path, error))?;
+        file.finish()?;
+    }
     if let Some(path) = &args.rejected {
         run.write_rejected(path, &done, printer)?;
     }
-    let bytes = write_calibration(destination, format, &sets, &provenance)?;
+    if let Some(proposals) = &proposals {
+        let bytes = run.propose(proposals, &done, args, printer)?;
+        printer.say(format_args!("proposed observations: {}", Bytes(bytes)));
+    }
+    // Proposals take the place of the calibration where both would go to standard output.
+    let bytes = if proposals.is_some() && args.plan_out.is_none() && args.out.out.is_none() {
+        0
+    } else {
+        write_calibration(destination, format, &sets, &provenance)?
+    };
     if let Some(part) = part {
         part.remove()?;
     }
     run.say(&done, &sets, bytes, printer);
+    for change in &changes {
+        printer.say(format_args!("{change}"));
+    }
     Ok(if sets.iter().any(|set| set.status != OK) {
         Outcome::SomeRowsFailed
     } else {
@@ -121,6 +177,7 @@ fn different_outputs(args: &CalibrateArgs) -> Result<(), Failure> {
         ("--out", args.out.out.as_deref()),
         ("--report", args.report.as_deref()),
         ("--rejected", args.rejected.as_deref()),
+        ("--plan-out", args.plan_out.as_deref()),
     ];
     for (k, (one, path)) in outputs.iter().enumerate() {
         for (other, again) in &outputs[..k] {
@@ -128,6 +185,79 @@ fn different_outputs(args: &CalibrateArgs) -> Result<(), Failure> {
         }
     }
     Ok(())
+}
+
+/// The file of a report, begun early so that a place that cannot be written is known at once.
+fn report_file(path: &Path) -> Result<AtomicFile, Failure> {
+    let suffix = path.extension().map(|suffix| suffix.to_ascii_lowercase());
+    if suffix.is_none_or(|suffix| suffix != "html" && suffix != "htm") {
+        return Err(Failure::refused(format!(
+            "{}: --report writes a page; wanted a name that ends in .html",
+            path.display()
+        )));
+    }
+    Ok(AtomicFile::create(path)?)
+}
+
+/// What is asked of the next observations.
+struct Proposals {
+    count: usize,
+    candidates: Vec<Candidate>,
+    suns: Vec<EnuUnit>,
+}
+
+/// Time between the suns that are looked at for the next observations \[s\].
+const PLAN_STEP_S: f64 = 600.0;
+/// Lowest sun of an observation or of a pointing that counts \[rad\].
+const LOWEST_SUN_RAD: f64 = 0.1745;
+
+impl Proposals {
+    fn new(args: &CalibrateArgs, loaded: &LoadedField) -> Result<Option<Self>, Failure> {
+        let (Some(count), Some(date)) = (args.plan, &args.plan_date) else {
+            return Ok(None);
+        };
+        let Some(site) = &loaded.site else {
+            return Err(Failure::refused(
+                "--plan: there is no [site], which the suns of that day need",
+            ));
+        };
+        let date: jiff::civil::Date = date.trim().parse().map_err(|_| {
+            Failure::refused(format!(
+                "--plan-date {date}: wanted a day, such as 2026-06-21"
+            ))
+        })?;
+        let midnight = date
+            .to_zoned(jiff::tz::TimeZone::UTC)
+            .map_err(|error| Failure::refused(format!("--plan-date {date}: {error}")))?;
+        // From local solar midnight to the next.
+        let day_s = 86_400.0;
+        let east_s = site.longitude_rad / std::f64::consts::TAU * day_s;
+        let from_s = midnight.timestamp().as_second() - east_s.round() as i64;
+        let planes: Vec<_> = loaded
+            .targets
+            .values()
+            .filter_map(|target| target.area.map(|area| area.plane))
+            .collect();
+        let from_ns = from_s.saturating_mul(1_000_000_000);
+        let candidates = helio_calib::plan::candidates(
+            &site.sun_site()?,
+            from_ns,
+            from_ns.saturating_add(day_s as i64 * 1_000_000_000),
+            PLAN_STEP_S,
+            LOWEST_SUN_RAD,
+            &planes,
+        )?;
+        if candidates.is_empty() {
+            return Err(Failure::refused(format!(
+                "--plan-date {date}: the sun never stands 10 degrees high on that day"
+            )));
+        }
+        Ok(Some(Self {
+            count: usize::from(count),
+            candidates,
+            suns: year_suns(site.latitude_rad, LOWEST_SUN_RAD),
+        }))
+    }
 }
 
 /// True for a path that is or will be a regular file.
@@ -150,8 +280,12 @@ fn hash_files(files: &[PathBuf]) -> Result<String, IoError> {
 #[derive(Debug)]
 struct Asked {
     options: CalibrateOptions,
+    sets: Sets,
     hold: [bool; 7],
 }
+
+/// Most sets over the day that are tried.
+const MOST_SETS: usize = 4;
 
 /// The names of parameters on the command line.
 const NAMES: [(&str, &[Parameter]); 6] = [
@@ -187,6 +321,7 @@ impl Asked {
             residual: match args.residual {
                 ResidualWord::Components => ResidualForm::Components,
                 ResidualWord::Distance => ResidualForm::Distance,
+                ResidualWord::Beam => ResidualForm::Beam,
             },
             loss: match args.robust {
                 RobustWord::None => Loss::Squares,
@@ -196,7 +331,7 @@ impl Asked {
             },
             // The distance of eq. (38) may need many, theory §6.
             max_iterations: match args.residual {
-                ResidualWord::Components => 100,
+                ResidualWord::Components | ResidualWord::Beam => 100,
                 ResidualWord::Distance => 300,
             },
             ..FitOptions::default()
@@ -237,6 +372,11 @@ impl Asked {
                 jumps: !args.no_jumps,
                 max_year_pointing_mrad: args.max_year_pointing_mrad,
                 ..CalibrateOptions::default()
+            },
+            sets: match args.sets {
+                SetsWord::One => Sets::One,
+                SetsWord::Two => Sets::Two,
+                SetsWord::Auto => Sets::Auto { max: MOST_SETS },
             },
             hold,
         })
@@ -293,6 +433,53 @@ fn prior_of(text: &str) -> Result<(&'static [Parameter], f64, f64), Failure> {
         ));
     }
     Ok((parameters, radians(mean), radians(sigma)))
+}
+
+/// The numbers of a fit.
+fn fitted(fit: &Fit, uncertainty: &Uncertainty) -> DoneSet {
+    // From here on the parameters are what reading the table gives.
+    let written = errors_as_written(&fit.parameters.errors());
+    let (tilt, lean) = uncertainty.tilt_standard_error(fit);
+    let error = |parameter: Parameter| {
+        if uncertainty.free.contains(&parameter) {
+            uncertainty.standard_errors[parameter as usize]
+        } else {
+            f64::NAN
+        }
+    };
+    let tilted = uncertainty.free.contains(&Parameter::Tilt1);
+    DoneSet {
+        errors: [
+            written.pedestal_tilt_rad,
+            written.pedestal_tilt_azimuth_rad,
+            written.axis_nonorthogonality_rad,
+            written.mirror_tilt_rad,
+            written.azimuth_reference_rad,
+            written.elevation_reference_rad,
+        ]
+        .map(Exact),
+        mirror_offset_m: Exact(fit.parameters.mirror_offset_m()),
+        free: uncertainty.free.iter().map(|&p| p as u8).collect(),
+        sigmas: [
+            if tilted { tilt } else { f64::NAN },
+            lean.filter(|_| tilted).unwrap_or(f64::NAN),
+            error(Parameter::AxisNonorthogonality),
+            error(Parameter::MirrorTilt),
+            error(Parameter::AzimuthReference),
+            error(Parameter::ElevationReference),
+            error(Parameter::MirrorOffset),
+        ]
+        .map(Exact),
+        covariance: uncertainty.covariance.map(|row| row.map(Exact)),
+        rms_mrad: Exact(fit.rms_mrad),
+        beam_rms_mrad: Exact(fit.beam_rms_mrad),
+        iterations: fit.iterations,
+        condition: Exact(uncertainty.condition),
+        rank: uncertainty.rank,
+        degrees_of_freedom: uncertainty.degrees_of_freedom,
+        sigma: Exact(uncertainty.sigma),
+        ..DoneSet::without_result("", "")
+    }
 }
 
 /// Everything that calibrating one heliostat after another needs.
@@ -435,6 +622,7 @@ impl Run<'_> {
         let starts: Vec<Option<i64>> = found.epochs.iter().map(|e| e.from_unix_ns).collect();
         let dated = starts.iter().all(Option::is_some);
         let mut sets = Vec::with_capacity(found.epochs.len().max(1));
+        let mut choices = Vec::new();
         for (k, epoch) in found.epochs.iter().enumerate() {
             let last = k + 1 == found.epochs.len();
             let (status, why) = match &epoch.verdict {
@@ -452,63 +640,28 @@ impl Run<'_> {
                 ),
                 helio_calib::Verdict::Determined => (OK, String::new()),
             };
-            // From here on the parameters are what reading the table gives.
-            let written = errors_as_written(&epoch.fit.parameters.errors());
-            let parameters = Parameters::new(&written, epoch.fit.parameters.mirror_offset_m());
-            let uncertainty = &epoch.uncertainty;
-            let (tilt, lean) = uncertainty.tilt_standard_error(&epoch.fit);
-            let error = |parameter: Parameter| {
-                if uncertainty.free.contains(&parameter) {
-                    uncertainty.standard_errors[parameter as usize]
-                } else {
-                    f64::NAN
-                }
+            let name = if several {
+                (k + 1).to_string()
+            } else {
+                String::new()
             };
-            let tilted = uncertainty.free.contains(&Parameter::Tilt1);
-            sets.push(DoneSet {
-                name: if several {
-                    (k + 1).to_string()
-                } else {
-                    String::new()
-                },
+            let whole = DoneSet {
+                name,
                 status: status.to_owned(),
                 why,
                 valid_from_ns: if k == 0 { None } else { starts[k] },
                 valid_to_ns: if last { None } else { starts[k + 1] },
-                hours_rad: None,
-                errors: [
-                    written.pedestal_tilt_rad,
-                    written.pedestal_tilt_azimuth_rad,
-                    written.axis_nonorthogonality_rad,
-                    written.mirror_tilt_rad,
-                    written.azimuth_reference_rad,
-                    written.elevation_reference_rad,
-                ]
-                .map(Exact),
-                mirror_offset_m: Exact(parameters.mirror_offset_m()),
-                free: uncertainty.free.iter().map(|&p| p as u8).collect(),
-                sigmas: [
-                    if tilted { tilt } else { f64::NAN },
-                    lean.filter(|_| tilted).unwrap_or(f64::NAN),
-                    error(Parameter::AxisNonorthogonality),
-                    error(Parameter::MirrorTilt),
-                    error(Parameter::AzimuthReference),
-                    error(Parameter::ElevationReference),
-                    error(Parameter::MirrorOffset),
-                ]
-                .map(Exact),
-                covariance: uncertainty.covariance.map(|row| row.map(Exact)),
-                rms_mrad: Exact(epoch.fit.rms_mrad),
-                beam_rms_mrad: Exact(epoch.fit.beam_rms_mrad),
-                iterations: epoch.fit.iterations,
-                condition: Exact(uncertainty.condition),
-                rank: uncertainty.rank,
-                degrees_of_freedom: uncertainty.degrees_of_freedom,
-                sigma: Exact(uncertainty.sigma),
                 year_pointing_mrad: Exact(epoch.year_pointing_mrad.unwrap_or(f64::NAN)),
                 weakness: epoch.weakness.to_string(),
                 rows: epoch.rows.clone(),
-            });
+                ..fitted(&epoch.fit, &epoch.uncertainty)
+            };
+            // An epoch that borrows its tilts has too few records to be divided.
+            if status == OK && self.asked.sets != Sets::One && !epoch.borrowed {
+                self.over_the_day(&mount, of, &options, whole, &mut sets, &mut choices)?;
+            } else {
+                sets.push(whole);
+            }
         }
         if sets.is_empty() {
             let (status, why) = match refusing.or(found.findings.first()) {
@@ -535,7 +688,73 @@ impl Run<'_> {
                 .iter()
                 .map(|finding| words.finding(finding))
                 .collect(),
+            choices,
         })
+    }
+
+    /// Parameter sets over the day for the records of an epoch, where they do better than one.
+    fn over_the_day(
+        &self,
+        mount: &Mount,
+        of: &HeliostatObservations,
+        options: &CalibrateOptions,
+        whole: DoneSet,
+        sets: &mut Vec<DoneSet>,
+        choices: &mut Vec<Choice>,
+    ) -> Result<(), Failure> {
+        let kept: Vec<Observation> = whole.rows.iter().map(|&row| of.observations[row]).collect();
+        let start = Parameters::new(&whole.mount_errors(), whole.mirror_offset_m.0);
+        let fit = FitOptions {
+            start: Start::At(start),
+            ..options.fit
+        };
+        let schedule = match fit_sets(mount, &kept, &fit, self.asked.sets) {
+            Ok(schedule) => schedule,
+            // Too few for more than the one set that there is.
+            Err(CalibrationError::TooFew { .. }) => {
+                sets.push(whole);
+                return Ok(());
+            }
+            Err(error) => return Err(error.into()),
+        };
+        let taken = schedule.sets.len();
+        choices.extend(schedule.choices.iter().map(|choice| Choice {
+            sets: choice.sets,
+            chosen: choice.sets == taken,
+            beam_rms_mrad: Exact(choice.in_sample_beam_rms_mrad),
+            unseen_rms_mrad: choice.cross_validated_beam_rms_mrad.map(Exact),
+        }));
+        if taken == 1 {
+            sets.push(whole);
+            return Ok(());
+        }
+        for (k, set) in schedule.sets.iter().enumerate() {
+            let seen: Vec<Observation> = set.rows.iter().map(|&row| kept[row]).collect();
+            let name = match whole.name.as_str() {
+                "" => set.name.clone(),
+                epoch => format!("{epoch} {}", set.name),
+            };
+            // A part of the day without records has the parameters of the whole day.
+            let uncertainty = if seen.is_empty() {
+                let common = helio_calib::fit(mount, &kept, &fit)?;
+                helio_calib::uncertainty(mount, &kept, &common, &fit)?
+            } else {
+                helio_calib::uncertainty(mount, &seen, &set.fit, &set.options)?
+            };
+            sets.push(DoneSet {
+                name,
+                status: OK.to_owned(),
+                valid_from_ns: whole.valid_from_ns,
+                valid_to_ns: whole.valid_to_ns,
+                hours_rad: Some([
+                    (k > 0).then_some(Exact(set.hour_angle_from_rad)),
+                    (k + 1 < taken).then_some(Exact(set.hour_angle_to_rad)),
+                ]),
+                rows: set.rows.iter().map(|&row| whole.rows[row]).collect(),
+                ..fitted(&set.fit, &uncertainty)
+            });
+        }
+        Ok(())
     }
 
     fn id(&self, index: usize) -> &str {
@@ -564,6 +783,11 @@ impl Run<'_> {
                             && set.valid_to_ns.is_none_or(|to| ns < to)
                     }
                     None => false,
+                } && match (set.hours_rad, of.observations[row].hour_angle_rad) {
+                    (Some([from, to]), Some(hour)) => {
+                        from.is_none_or(|from| from.0 <= hour) && to.is_none_or(|to| hour < to.0)
+                    }
+                    _ => true,
                 };
                 CalibratedSet {
                     rejected: if one {
@@ -635,6 +859,194 @@ impl Run<'_> {
         Ok(())
     }
 
+    /// What changed against an earlier calibration, in sentences.
+    fn changes(&self, old: &[CalibratedSet], sets: &[CalibratedSet]) -> Vec<String> {
+        let suns = match &self.loaded.site {
+            Some(site) => year_suns(site.latitude_rad, LOWEST_SUN_RAD),
+            None => self
+                .observations
+                .heliostats
+                .iter()
+                .flat_map(|of| of.observations.iter().map(|o| o.sun))
+                .take(1000)
+                .collect(),
+        };
+        let mut found: Vec<(String, Change)> = Vec::new();
+        let mut fresh = 0;
+        for set in sets.iter().filter(|set| set.status == OK) {
+            // A set of the same name, or the only one that there was.
+            let theirs: Vec<&CalibratedSet> = old
+                .iter()
+                .filter(|other| other.id == set.id && other.errors.is_some())
+                .collect();
+            let same =
+                theirs
+                    .iter()
+                    .find(|other| other.set == set.set)
+                    .or(match theirs.as_slice() {
+                        [only] => Some(only),
+                        _ => None,
+                    });
+            let row = self.loaded.field.row_of(&set.id);
+            let (Some(same), Some(row)) = (same, row) else {
+                fresh += 1;
+                continue;
+            };
+            let heliostat = &self.loaded.field.heliostats()[row];
+            if let Some(change) = Change::between(same, set, &self.mount(row), &suns, heliostat.aim)
+            {
+                let name = if set.set.is_empty() {
+                    set.id.clone()
+                } else {
+                    format!("{}, set {}", set.id, set.set)
+                };
+                found.push((name, change));
+            }
+        }
+        let beams: Vec<f64> = found.iter().map(|(_, change)| change.beam_mrad).collect();
+        let significant = |c: &Change| c.is_significant() == Some(true);
+        let count = found
+            .iter()
+            .filter(|(_, change)| significant(change))
+            .count();
+        let mut said = Vec::new();
+        match median(beams) {
+            Some(mrad) => said.push(format!(
+                "compared: {} sets have an earlier one, {count} of them changed significantly; in the \
+                 middle the beams move by {mrad:.3} mrad over the year",
+                found.len()
+            )),
+            None => said.push("compared: no set has an earlier one".to_owned()),
+        }
+        if fresh > 0 && !found.is_empty() {
+            said.push(format!("compared: {fresh} sets have no earlier one"));
+        }
+        let gone = old
+            .iter()
+            .filter(|other| other.errors.is_some())
+            .filter(|other| {
+                !sets
+                    .iter()
+                    .any(|set| set.id == other.id && set.status == OK)
+            })
+            .count();
+        if gone > 0 {
+            said.push(format!(
+                "compared: {gone} earlier sets are of heliostats without a new one"
+            ));
+        }
+        found.sort_by(|a, b| b.1.beam_mrad.total_cmp(&a.1.beam_mrad));
+        let shown = found.len().min(SAID);
+        for (name, change) in &found[..shown] {
+            let test = match (change.chi_square, change.is_significant()) {
+                (Some((chi, freedom)), Some(true)) => {
+                    format!("significantly (chi-square {chi:.1} on {freedom})")
+                }
+                (Some((chi, freedom)), Some(false)) => {
+                    format!("not significantly (chi-square {chi:.1} on {freedom})")
+                }
+                _ => "whether significantly is not known: there is no covariance".to_owned(),
+            };
+            said.push(format!(
+                "{name}: changed by {:.3} mrad over the year, {test}",
+                change.beam_mrad
+            ));
+        }
+        if found.len() > shown {
+            said.push(format!(
+                "... and {} sets that changed less",
+                found.len() - shown
+            ));
+        }
+        said
+    }
+
+    /// Writes the proposed observations of every heliostat.
+    fn propose(
+        &self,
+        asked: &Proposals,
+        done: &[Done],
+        args: &CalibrateArgs,
+        printer: &Printer,
+    ) -> Result<u64, Failure> {
+        let format = plan::format(args.plan_out.as_deref(), None)?;
+        let destination = plan::destination(args.plan_out.as_deref(), format, &[], printer)?;
+        let all: Result<Vec<Vec<Proposal>>, Failure> = done
+            .par_iter()
+            .map(|one| {
+                let of = &self.observations.heliostats[one.index];
+                let heliostat = &self.loaded.field.heliostats()[of.row];
+                let mount = self.mount(of.row);
+                let latest = one.sets.iter().rev().find(|set| set.is_fitted());
+                let (parameters, so_far) = match latest {
+                    Some(set) => (
+                        Parameters::new(&set.mount_errors(), set.mirror_offset_m.0),
+                        set.rows.iter().map(|&row| of.observations[row]).collect(),
+                    ),
+                    None => (
+                        Parameters::new(&heliostat.errors, heliostat.mirror_offset_m),
+                        Vec::new(),
+                    ),
+                };
+                // Boards that face away are no use.
+                let facing: Vec<Candidate> = asked
+                    .candidates
+                    .iter()
+                    .filter(|candidate| {
+                        let toward = mount.pivot - candidate.plane.centre;
+                        candidate.plane.normal.as_enu().dot(toward) > 0.0
+                    })
+                    .copied()
+                    .collect();
+                let duty = Duty {
+                    suns: &asked.suns,
+                    aim: heliostat.aim,
+                };
+                let options = PlanOptions::default();
+                let proposals = helio_calib::plan(
+                    &mount,
+                    &parameters,
+                    &so_far,
+                    &facing,
+                    &duty,
+                    asked.count,
+                    &options,
+                );
+                Ok(proposals?)
+            })
+            .collect();
+        let rows: Vec<(usize, Proposal)> = done
+            .iter()
+            .zip(all?)
+            .flat_map(|(one, proposals)| proposals.into_iter().map(|p| (one.index, p)))
+            .collect();
+        let ids: Vec<String> = rows
+            .iter()
+            .map(|(index, _)| self.id(*index).to_owned())
+            .collect();
+        let times: Vec<Option<i64>> = rows.iter().map(|(_, p)| Some(p.unix_ns)).collect();
+        let numbers =
+            |of: fn(&Proposal) -> f64| -> Vec<f64> { rows.iter().map(|(_, p)| of(p)).collect() };
+        let azimuths = numbers(|p| degrees(p.sun.azimuth_rad()));
+        let elevations = numbers(|p| degrees(p.sun.elevation_rad()));
+        let before = numbers(|p| p.expected_year_pointing_mrad_before);
+        let after = numbers(|p| p.expected_year_pointing_mrad_after);
+        let targets: Vec<String> = rows
+            .iter()
+            .map(|(_, p)| self.observations.targets[p.target].0.clone())
+            .collect();
+        let columns = [
+            ("id", Cells::Text(&ids)),
+            ("time", Cells::Times(&times)),
+            ("sun_azimuth_deg", Cells::Numbers(&azimuths)),
+            ("sun_elevation_deg", Cells::Numbers(&elevations)),
+            ("target", Cells::Text(&targets)),
+            ("year_pointing_before_mrad", Cells::Numbers(&before)),
+            ("year_pointing_after_mrad", Cells::Numbers(&after)),
+        ];
+        Ok(write_columns(destination, format, &columns)?)
+    }
+
     /// What was found, in words.
     fn say(&self, done: &[Done], sets: &[CalibratedSet], bytes: u64, printer: &Printer) {
         let mut said = 0;
@@ -661,6 +1073,13 @@ impl Run<'_> {
                         set.why
                     ));
                 }
+            }
+            if !one.choices.is_empty() {
+                let words: Vec<String> = one.choices.iter().map(choice_words).collect();
+                line(format_args!(
+                    "{id}: sets over the day: {}",
+                    words.join("; ")
+                ));
             }
             if !one.rejected.is_empty() {
                 let count = one.rejected.len();
@@ -718,6 +1137,18 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
     values.retain(|value| value.is_finite());
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied()
+}
+
+/// A number of sets and how well it does.
+fn choice_words(choice: &Choice) -> String {
+    let unseen = choice.unseen_rms_mrad.map_or(String::new(), |unseen| {
+        format!(" ({:.2} on days left out)", unseen.0)
+    });
+    let chosen = if choice.chosen { ", taken" } else { "" };
+    format!(
+        "{} {:.2} mrad{unseen}{chosen}",
+        choice.sets, choice.beam_rms_mrad.0
+    )
 }
 
 /// Each reason with its number, the commonest first.

@@ -47,7 +47,7 @@ const COS: [f64; 6] = [
 ];
 
 /// Largest magnitude that [`sin_cos`] reduces without loss.
-pub(crate) const MAX_ANGLE_RAD: f64 = 1.0e5;
+pub const MAX_ANGLE_RAD: f64 = 1.0e5;
 
 #[inline(always)]
 fn horner<L: Lanes>(z: L, coefficients: &[f64]) -> L {
@@ -144,13 +144,13 @@ pub(crate) fn angle_half<L: Lanes>(cosine: L, sine: L) -> L {
 
 /// The angle in [-π, π] of a vector whose length is 1/`scale`.
 #[inline(always)]
-pub(crate) fn angle_full<L: Lanes>(cosine: L, sine: L, scale: L) -> L {
+pub fn angle_full<L: Lanes>(cosine: L, sine: L, scale: L) -> L {
     Reduced::full(cosine, sine, scale).angle()
 }
 
 /// Sine and cosine, in this order, of |angle| <= [`MAX_ANGLE_RAD`].
 #[inline(always)]
-pub(crate) fn sin_cos<L: Lanes>(angle: L) -> (L, L) {
+pub fn sin_cos<L: Lanes>(angle: L) -> (L, L) {
     // π/2 in three parts (Cody and Waite): the product of a quadrant number with the first two
     // is exact, the fused multiply-add then rounds once.
     const PIO2_HIGH: f64 = 1.570_796_326_734_125_6;

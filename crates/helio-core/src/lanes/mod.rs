@@ -4,20 +4,25 @@
 //! instruction set. Every operation here is an IEEE 754 operation with one correct result (add,
 //! multiply, divide, square root, fused multiply-add, comparison, bit operations), so each
 //! instruction set gives the same bits and the scalar path, [`f64`] itself, is the oracle.
+//!
+//! Hidden, and no part of the stable interface: for the kernels of this project's other crates, which
+//! write theirs as a [`Kernel`] and get their lanes from [`run`].
 
-pub(crate) mod math;
+pub mod math;
 mod pack;
+mod run;
 mod scalar;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod x86;
 
 pub(crate) use pack::{Pack2, Pack4};
+pub use run::{Kernel, run};
 
 /// Rows of a block of prepared constants; the widest vector holds as many.
-pub(crate) const BLOCK: usize = 8;
+pub const BLOCK: usize = 8;
 
 /// Truth values, one per lane.
-pub(crate) trait Mask: Copy {
+pub trait Mask: Copy {
     const LANES: usize;
     fn and(self, other: Self) -> Self;
     fn or(self, other: Self) -> Self;
@@ -28,7 +33,7 @@ pub(crate) trait Mask: Copy {
 }
 
 /// A vector of doubles. `WIDTH` divides [`BLOCK`] or is a multiple of it.
-pub(crate) trait Lanes: Copy {
+pub trait Lanes: Copy {
     type Mask: Mask;
     const WIDTH: usize;
 
@@ -97,7 +102,7 @@ pub(crate) trait Lanes: Copy {
 /// `N` columns of [`BLOCK`] rows, next to each other in memory: one stream for the prefetcher.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(64))]
-pub(crate) struct Columns<const N: usize>(pub [[f64; BLOCK]; N]);
+pub struct Columns<const N: usize>(pub [[f64; BLOCK]; N]);
 
 /// Instruction sets that the kernels are compiled for; they differ in speed and never in a bit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

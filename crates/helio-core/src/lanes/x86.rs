@@ -1,7 +1,7 @@
 //! AVX2 and AVX-512.
 #![allow(unsafe_code)]
 // SAFETY of every block in this file: the types here are made and used only inside the functions of
-// `dispatch`, which are entered after the probe (`has_avx2`, `has_avx512`) found their
+// the `dispatch` modules and of `run`, which are entered after the probe (`has_avx2`, `has_avx512`) found their
 // instructions on this processor; loads and stores take slices, whose length is checked first.
 
 use core::arch::x86_64::*;

@@ -4,9 +4,11 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 mod angles;
+mod calibrated;
 mod files;
 mod foreign;
 mod good;
 mod messages;
+mod observations;
 mod robust;
 mod schema;

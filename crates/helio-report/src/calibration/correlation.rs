@@ -31,7 +31,12 @@ pub(super) fn figure(section: &HeliostatSection) -> Option<String> {
         let left = WIDTH / 2.0 * (place % 2) as f64 + 16.0;
         let top = each * (place / 2) as f64 + head;
         if section.epochs.len() > 1 {
-            canvas.text(left, top - 26.0, "name", &format!("epoch {}", number + 1));
+            canvas.text(
+                left,
+                top - 26.0,
+                "name",
+                &format!("{} {}", section.part(), number + 1),
+            );
         }
         matrix(&mut canvas, left, top, epoch);
     }
@@ -39,9 +44,10 @@ pub(super) fn figure(section: &HeliostatSection) -> Option<String> {
         .to_owned();
     if shown.len() < all.len() {
         caption.push_str(&format!(
-            " The first {} of {} epochs.",
+            " The first {} of {} {}s.",
             shown.len(),
-            all.len()
+            all.len(),
+            section.part()
         ));
     }
     let title = format!("Heliostat {}: correlations", section.id);

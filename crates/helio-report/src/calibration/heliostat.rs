@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::plot::{count, mrad};
-use super::{CalibrationPage, EpochSection, HeliostatSection, SetChoice, SetRow, dates};
+use super::{CalibrationPage, HeliostatSection, SetChoice, SetRow, dates};
 use super::{correlation, page, parameters, residuals, target};
 use crate::svg::Escaped;
 
@@ -18,9 +18,7 @@ pub(super) fn section(all: &CalibrationPage, number: usize, section: &HeliostatS
         Escaped(&section.id),
         page::badge(section.verdict)
     );
-    for words in &section.words {
-        let _ = writeln!(html, "<p>{}</p>", Escaped(words));
-    }
+    html.push_str(&page::sentences(&section.words));
     let rejected = section
         .records
         .iter()
@@ -58,12 +56,12 @@ pub(super) fn section(all: &CalibrationPage, number: usize, section: &HeliostatS
     html.extend(target::figure(section, &all.targets));
     html.extend(residuals::figure(section));
     if section.epochs.len() > 1 {
-        html.push_str(&epoch_table(&section.epochs));
+        html.push_str(&epoch_table(section));
     }
     html.extend(parameters::figure(section));
     for (i, epoch) in section.epochs.iter().enumerate().take(MOST_TABLES) {
         if section.epochs.len() > 1 {
-            let _ = writeln!(html, "<h3>Epoch {}</h3>", i + 1);
+            let _ = writeln!(html, "<h3>{} {}</h3>", capital(section.part()), i + 1);
         }
         html.push_str(&parameters::table(&epoch.parameters));
         if section.epochs.len() == 1 && !epoch.words.is_empty() {
@@ -86,12 +84,22 @@ pub(super) fn section(all: &CalibrationPage, number: usize, section: &HeliostatS
     html
 }
 
-fn epoch_table(epochs: &[EpochSection]) -> String {
+fn capital(part: &str) -> &str {
+    if part == "set" { "Set" } else { "Epoch" }
+}
+
+fn epoch_table(section: &HeliostatSection) -> String {
+    let epochs = &section.epochs;
+    let (part, name, n) = (section.part(), capital(section.part()), epochs.len());
+    let what = if part == "set" {
+        format!("{n} parts of the day have parameters of their own.")
+    } else {
+        format!("The zero points jumped: {n} stretches of time were fitted by themselves.")
+    };
     let mut html = format!(
-        "<h3>Epochs</h3>\n<p>The zero points jumped: {} stretches of time were fitted by themselves.</p>\n\
-         <table><thead><tr><th>epoch</th><th>from (UTC)</th><th>to (UTC)</th><th class=\"n\">records</th>\
-         <th class=\"n\">RMS, mrad</th><th class=\"n\">over a year, mrad</th><th>verdict</th></tr></thead>\n",
-        epochs.len()
+        "<h3>{name}s</h3>\n<p>{what}</p>\n\
+         <table><thead><tr><th>{part}</th><th>from (UTC)</th><th>to (UTC)</th><th class=\"n\">records</th>\
+         <th class=\"n\">RMS, mrad</th><th class=\"n\">over a year, mrad</th><th>verdict</th></tr></thead>\n"
     );
     let time = |t: Option<i64>| t.map_or_else(|| "–".to_owned(), dates::minute);
     for (i, epoch) in epochs.iter().enumerate() {
@@ -127,7 +135,9 @@ fn sets_table(choices: &[SetChoice]) -> String {
     );
     for choice in choices {
         let unseen = choice.unseen_rms_mrad.map_or_else(|| "–".to_owned(), mrad);
-        let parts: Vec<String> = choice.sets.iter().map(part).collect();
+        // Of choices that were not taken only the number of sets may be known.
+        let known = choice.sets.iter().filter(|set| set.observations > 0);
+        let parts: Vec<String> = known.map(part).collect();
         let chosen = if choice.chosen {
             "<b class=\"badge good\">chosen</b>"
         } else {

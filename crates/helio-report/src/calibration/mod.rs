@@ -61,7 +61,7 @@ pub struct HeliostatSummary {
     pub observations: usize,
     /// Rejected records.
     pub rejected: usize,
-    /// Epochs; 1 where nothing jumped.
+    /// Sets of parameters: epochs, or parts of the day; 1 where nothing jumped and the day is whole.
     pub epochs: usize,
     /// Why the verdict, in a few words; may be empty.
     pub remark: String,
@@ -135,11 +135,22 @@ pub struct HeliostatSection {
     pub facts: Vec<(String, String)>,
     /// Every record, in the order of the file.
     pub records: Vec<Record>,
-    /// The stretches of time that were fitted by themselves, ascending in time; one where nothing
-    /// jumped, none where nothing was fitted.
+    /// What has parameters of its own, ascending in time: stretches between jumps, or parts of the day
+    /// (recognised by their times, which overlap). One where nothing jumped, none where nothing was fitted.
     pub epochs: Vec<EpochSection>,
     /// Numbers of sets over the day that were compared; empty where none were.
     pub sets: Vec<SetChoice>,
+}
+
+impl HeliostatSection {
+    /// What to call each of [`epochs`](Self::epochs): an epoch, or a set where their times overlap.
+    fn part(&self) -> &'static str {
+        let overlap = self.epochs.windows(2).any(|pair| {
+            let times = pair[0].to_unix_ns.zip(pair[1].from_unix_ns);
+            times.is_some_and(|(end, begin)| end > begin)
+        });
+        if overlap { "set" } else { "epoch" }
+    }
 }
 
 /// One record of a heliostat.
@@ -173,7 +184,7 @@ pub struct Record {
     pub rejected: Option<String>,
 }
 
-/// A stretch of time with parameters of its own.
+/// A stretch of time, or a part of the day, with parameters of its own.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct EpochSection {
     /// First record's time, nanoseconds from 1970 UTC, where known.

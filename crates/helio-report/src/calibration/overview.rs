@@ -84,16 +84,19 @@ pub(super) fn map(page: &CalibrationPage) -> Option<String> {
     canvas.dots(ring, &rings(Verdict::Undetermined), "class=\"dots ring\"");
     canvas.dots(ring, &rings(Verdict::Failed), "class=\"dots failed\"");
     let mut bins: Vec<Vec<(f64, f64)>> = vec![Vec::new(); BINS];
-    let mut without = Vec::new();
+    let (mut without, mut unobserved) = (Vec::new(), Vec::new());
     for h in &placed {
         match most.filter(|_| h.beam_rms_mrad.is_finite()) {
             Some(most) => {
                 let bin = (h.beam_rms_mrad / most * BINS as f64).max(0.0) as usize;
                 bins[bin.min(BINS - 1)].push(at(h));
             }
+            None if h.verdict == Verdict::NotObserved => unobserved.push(at(h)),
             None => without.push(at(h)),
         }
     }
+    // Small, so that the others stand out.
+    canvas.dots(0.55 * diameter, &unobserved, "class=\"dots none\"");
     canvas.dots(diameter, &without, "class=\"dots none\"");
     for (bin, dots) in bins.iter().enumerate() {
         let colour = colour((bin as f64 + 0.5) / BINS as f64);
@@ -162,13 +165,16 @@ fn legend(canvas: &mut Canvas, x: f64, most: Option<f64>, placed: &[&HeliostatSu
             y += 22.0;
         }
     }
-    let without = placed
-        .iter()
-        .filter(|h| !h.beam_rms_mrad.is_finite())
-        .count();
-    if without > 0 {
-        canvas.dots(9.0, &[(x + 8.0, y - 4.0)], "class=\"dots none\"");
-        canvas.text(x + 24.0, y, "", &format!("no RMS: {}", count(without)));
+    let without = |h: &&&HeliostatSummary| !h.beam_rms_mrad.is_finite();
+    let unobserved = |h: &&&HeliostatSummary| h.verdict == Verdict::NotObserved;
+    let all = placed.iter().filter(without).count();
+    let never = placed.iter().filter(without).filter(unobserved).count();
+    for (number, diameter, name) in [(all - never, 9.0, "no RMS"), (never, 5.0, "not observed")] {
+        if number > 0 {
+            canvas.dots(diameter, &[(x + 8.0, y - 4.0)], "class=\"dots none\"");
+            canvas.text(x + 24.0, y, "", &format!("{name}: {}", count(number)));
+            y += 22.0;
+        }
     }
 }
 
@@ -230,13 +236,11 @@ pub(super) fn histogram(page: &CalibrationPage) -> Option<String> {
     let y = 16.0;
     canvas.rect(LEFT, y - 10.0, (11.0, 11.0), format_args!("class=\"f0\""));
     canvas.text(LEFT + 18.0, y, "", "determined");
-    canvas.rect(
-        LEFT + 110.0,
-        y - 10.0,
-        (11.0, 11.0),
-        format_args!("class=\"f1\""),
-    );
-    canvas.text(LEFT + 128.0, y, "", "not determined");
+    if counts.iter().any(|c| c[1] > 0) {
+        let x = LEFT + 110.0;
+        canvas.rect(x, y - 10.0, (11.0, 11.0), format_args!("class=\"f1\""));
+        canvas.text(x + 18.0, y, "", "not determined");
+    }
 
     let finite = || page.field.iter().map(|h| h.beam_rms_mrad);
     let x = place.left + place.width + 34.0;

@@ -18,7 +18,7 @@ color:var(--ink);background:var(--paper)}\
 h1{font-size:1.7em;margin:0 0 .6em}h2{font-size:1.3em;margin:2.2em 0 .6em}h3{font-size:1.05em;margin:1.6em 0 .4em}\
 .scroll{overflow-x:auto}table{border-collapse:collapse;margin:.6em 0 1em}\
 th,td{padding:.22em 1.1em .22em 0;text-align:left;vertical-align:top}\
-th{font-weight:600}thead th{border-bottom:1px solid var(--line)}.facts th{font-weight:400;color:var(--soft)}\
+th{font-weight:600}thead th{border-bottom:1px solid var(--line)}.facts th{font-weight:400;color:var(--soft);white-space:nowrap}\
 .n{text-align:right;font-variant-numeric:tabular-nums}.n,.t{white-space:nowrap}\
 a{color:var(--c0)}figure{margin:1.2em 0}figcaption,footer,.soft{color:var(--soft)}figcaption{font-size:.9em;max-width:75ch}\
 footer{font-size:.85em;margin-top:3em}\
@@ -38,7 +38,7 @@ svg .dots{stroke-linecap:round}svg .squares{stroke-linecap:square}\
 svg .dots.ring{stroke:var(--warn)}svg .dots.failed{stroke:var(--bad)}svg .dots.none{stroke:var(--none)}\
 svg .s0{stroke:var(--c0)}svg .s1{stroke:var(--c1)}svg .s2{stroke:var(--c2)}svg .s3{stroke:var(--c3)}\
 svg .s4{stroke:var(--c4)}svg .s5{stroke:var(--c5)}svg .f0{fill:var(--c0)}svg .f1{fill:var(--c1)}svg .mark{stroke:none}\
-@media print{body{max-width:none;margin:0;font-size:11pt}figure,tr,h2,h3{break-inside:avoid}h2,h3{break-after:avoid}\
+@media (max-width:700px){table{display:block;overflow-x:auto}}@media print{body{max-width:none;margin:0;font-size:11pt}figure,tr,h2,h3{break-inside:avoid}h2,h3{break-after:avoid}\
 section.heliostat{break-before:page}a{color:inherit;text-decoration:none}}";
 
 pub(super) fn html(page: &CalibrationPage) -> String {
@@ -52,12 +52,8 @@ pub(super) fn html(page: &CalibrationPage) -> String {
     html.push_str(&facts(&page.facts));
     html.push_str(&verdicts(&page.field));
     if !page.findings.is_empty() {
-        html.push_str("<h2>Findings</h2>\n<ul>\n");
-        for finding in &page.findings {
-            // Writing to a string cannot fail.
-            let _ = writeln!(html, "<li>{}</li>", Escaped(finding));
-        }
-        html.push_str("</ul>\n");
+        html.push_str("<h2>Findings</h2>\n");
+        html.push_str(&sentences(&page.findings));
     }
     if !page.field.is_empty() {
         html.push_str("<h2>The field</h2>\n");
@@ -86,6 +82,23 @@ pub(super) fn figure(svg: &str, caption: &str) -> String {
         "<figure>\n{svg}<figcaption>{}</figcaption>\n</figure>\n",
         Escaped(caption)
     )
+}
+
+/// One sentence as a paragraph, several as a list.
+pub(super) fn sentences(sentences: &[String]) -> String {
+    if let [one] = sentences {
+        return format!("<p>{}</p>\n", Escaped(one));
+    }
+    let mut html = String::new();
+    if !sentences.is_empty() {
+        html.push_str("<ul>\n");
+        for sentence in sentences {
+            // Writing to a string cannot fail.
+            let _ = writeln!(html, "<li>{}</li>", Escaped(sentence));
+        }
+        html.push_str("</ul>\n");
+    }
+    html
 }
 
 pub(super) fn facts(facts: &[(String, String)]) -> String {
@@ -121,7 +134,7 @@ fn verdicts(field: &[HeliostatSummary]) -> String {
     }
     html.push_str(
         "<table><thead><tr><th>verdict</th><th class=\"n\">heliostats</th><th class=\"n\">share</th>\
-         <th class=\"n\">records</th><th class=\"n\">rejected</th><th class=\"n\">with jumps</th></tr></thead>\n",
+         <th class=\"n\">records</th><th class=\"n\">rejected</th><th class=\"n\">with several sets</th></tr></thead>\n",
     );
     for verdict in [
         Verdict::Determined,
@@ -158,13 +171,29 @@ fn contents(page: &CalibrationPage) -> String {
     html.push_str("<h2>Heliostats</h2>\n");
     let (shown, all) = (page.heliostats.len(), page.field.len());
     if shown < all {
+        let with: std::collections::HashSet<&str> =
+            page.heliostats.iter().map(|section| &*section.id).collect();
+        let unobserved = page
+            .field
+            .iter()
+            .filter(|line| line.verdict == Verdict::NotObserved && !with.contains(&*line.id))
+            .count();
+        let left_out = all - shown;
+        let others = match unobserved {
+            0 => format!("{} are left out.", count(left_out)),
+            n if n == left_out => format!("The other {} were not observed.", count(n)),
+            n => format!(
+                "{} are left out, of which {} were not observed.",
+                count(left_out),
+                count(n)
+            ),
+        };
         let _ = writeln!(
             html,
             "<p>{} of {} heliostats have a section below: those asked for, and those in most need of attention \
-             (without a result first, then undetermined, then by RMS). {} are left out; the calibration table has them all.</p>",
+             (without a result first, then undetermined, then by RMS). {others}</p>",
             count(shown),
             count(all),
-            count(all - shown)
         );
     }
     if shown == 0 {
@@ -180,7 +209,7 @@ fn contents(page: &CalibrationPage) -> String {
     let _ = writeln!(
         html,
         "<div class=\"scroll\"><table><thead><tr><th>heliostat</th><th>verdict</th><th class=\"n\">RMS before, mrad</th>\
-         <th class=\"n\">after, mrad</th><th class=\"n\">records</th><th class=\"n\">rejected</th><th class=\"n\">epochs</th>\
+         <th class=\"n\">after, mrad</th><th class=\"n\">records</th><th class=\"n\">rejected</th><th class=\"n\">sets</th>\
          {remark_head}</tr></thead>"
     );
     for (number, section) in page.heliostats.iter().enumerate() {

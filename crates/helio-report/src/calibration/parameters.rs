@@ -83,7 +83,7 @@ pub(super) fn figure(section: &HeliostatSection) -> Option<String> {
     }
     let mut caption = "Parameters with their 95 % intervals".to_owned();
     if epochs.len() > 1 {
-        caption.push_str(", one row an epoch");
+        let _ = write!(caption, ", one row for each {}", section.part());
     }
     caption.push_str(". Each strip has its own scale.");
     let any = |of: fn(&ParameterRow) -> bool| {
@@ -94,7 +94,7 @@ pub(super) fn figure(section: &HeliostatSection) -> Option<String> {
         caption.push_str(" Orange: undetermined; a triangle points to a value outside.");
     }
     if any(|row| row.held) {
-        caption.push_str(" Held parameters are left out, or open where another epoch fitted them.");
+        caption.push_str(" Held parameters are left out, or open where another row fitted them.");
     }
     if any(|row| row.before.is_some()) {
         caption.push_str(" Short upright line: before the fit, where it is in the picture.");
@@ -102,9 +102,10 @@ pub(super) fn figure(section: &HeliostatSection) -> Option<String> {
     if epochs.len() < section.epochs.len() {
         let _ = write!(
             caption,
-            " The first {} of {} epochs.",
+            " The first {} of {} {}s.",
             epochs.len(),
-            section.epochs.len()
+            section.epochs.len(),
+            section.part()
         );
     }
     let title = format!("Heliostat {}: parameters", section.id);
@@ -227,10 +228,11 @@ pub(super) fn table(rows: &[ParameterRow]) -> String {
             _ => "–".to_owned(),
         };
         let error = match (row.standard_error.filter(|e| e.is_finite()), row.unit) {
-            (Some(e), ParameterUnit::Degrees) => {
+            // A direction may be known to degrees only.
+            (Some(e), ParameterUnit::Degrees) if e < 1.0 => {
                 format!("{} mrad", super::plot::mrad(e.to_radians() * 1e3))
             }
-            (Some(e), ParameterUnit::Metres) => row.number(e),
+            (Some(e), _) => row.number(e),
             (None, _) => "–".to_owned(),
         };
         let before = row.before.map_or_else(|| "–".to_owned(), |b| row.number(b));

@@ -126,7 +126,9 @@ impl Canvas {
         for (at, text) in &across.marks {
             let x = across.pixel(*at);
             self.line((x, top), (x, bottom), "grid");
-            self.text(x, bottom + 15.0, "m", text);
+            // The last one may need room that the drawing does not have.
+            let room = WIDTH - 3.6 * text.chars().count() as f64;
+            self.text(x.min(room), bottom + 15.0, "m", text);
         }
         for (at, text) in &up.marks {
             let y = up.pixel(*at);

@@ -239,7 +239,7 @@ fn set_bounds(canvas: &mut Canvas, place: Place, across: &Axis, section: &Helios
 
 /// Bounds and names of epochs above and across the panel of dates.
 fn epochs(canvas: &mut Canvas, place: Place, across: &Axis, section: &HeliostatSection) {
-    if section.epochs.len() < 2 {
+    if section.epochs.len() < 2 || section.part() != "epoch" {
         return;
     }
     // Halfway between the last record of one and the first of the next.

@@ -172,8 +172,18 @@ fn before(
         .iter()
         .map(|r| r.measured_m)
         .chain(arrows.iter().filter(|r| near(r)).map(|r| r.before_m))
-        .chain(corners(outlines))
         .chain([[0.0; 2]])
+        .collect();
+    // The whole target is in the picture as long as that leaves something to see.
+    let far = |points: &[[f64; 2]]| {
+        let all = points.iter().flatten();
+        all.fold(0.0, |most: f64, m| most.max(m.abs()))
+    };
+    let corners: Vec<[f64; 2]> = corners(outlines).collect();
+    let whole = far(&corners) <= 2.0 * far(&points);
+    let points: Vec<[f64; 2]> = points
+        .into_iter()
+        .chain(corners.into_iter().filter(|_| whole))
         .collect();
     let Some(axes) = axes(0, &points) else {
         canvas.nothing(place(0), "no finite numbers");
