@@ -119,12 +119,12 @@ def measure(tools: Tools, rounds: int, repeat: int, large: bool) -> Measured:
             common = ("--input", str(campaigns), "--output", str(answers))
             for variant in ("printed", "reduced"):
                 for threads in tools.threads:
-                    command = (tiny, *common, "--variant", variant, "--threads", str(threads), "--repeat", peer_repeat)
-                    note(measured, f"tinysolver_{variant}", observations, tools.run_lines(*command)[-1])
+                    peer = (tiny, *common, "--variant", variant, "--threads", str(threads), "--repeat", peer_repeat)
+                    note(measured, f"tinysolver_{variant}", observations, tools.run_lines(*peer)[-1])
                 compare(measured, f"tinysolver_{variant}", observations, ours, answers)
             for method in ("lm", "trf"):
-                command = (*scipy, *common, "--method", method, "--repeat", "1" if number else "2")
-                note(measured, f"scipy_{method}", observations, tools.run_lines(*command)[-1])
+                fitted = (*scipy, *common, "--method", method, "--repeat", "1" if number else "2")
+                note(measured, f"scipy_{method}", observations, tools.run_lines(*fitted)[-1])
                 compare(measured, f"scipy_{method}", observations, ours, answers)
     if large:
         heliostats, observations = LARGE
@@ -186,7 +186,7 @@ def report(m: Measured, machine: str, rounds: int) -> str:
         same = ", ".join(f"{m.difference[name, n].percent:.1f} %" for n in HELIOSTATS)
         lines.append(f"| {title} | " + " | ".join(cells) + f" | {same} |")
     if ("helio_rs", 50, 2) in m.ns:
-        ratios = (m.ns["helio_rs", n, 1] / m.ns["helio_rs", n, 2] for n in HELIOSTATS)
+        ratios = [m.ns["helio_rs", n, 1] / m.ns["helio_rs", n, 2] for n in HELIOSTATS]
         lines.append("| itself on one thread, by two | " + " | ".join(f"{r:.2f}" for r in ratios) + " | same bits |")
     for key, ns in m.ns.items():
         if key[0] == "large":

@@ -212,17 +212,17 @@ pub(crate) struct PredictArgs {
 /// axis1_deg, axis2_deg (or azimuth_deg, elevation_deg; or axis1_steps, axis2_steps with a drive),
 /// target, u_m, v_m (or spot_east_m, spot_north_m, spot_up_m) and, optionally, sigma_m. Writes a row
 /// for each heliostat with observations (and each set of parameters): the six errors, how well each
-/// is known, and how well the beams are told; field.toml takes the table as [heliostats]
-/// calibration. Rows that are not ok have no numbers, so that the layout's errors stay.
+/// is known, and how well the beams are told; field.toml takes the table as
+/// heliostats.calibration. Rows that are not ok have no numbers, so that the layout's errors stay.
 ///
 /// Finished heliostats are kept in OUT.part until the table is written: an interrupted run goes on
 /// from there with --resume, to the same bytes.
 #[derive(Debug, ClapArgs)]
 #[command(
     after_help = "Example:\n  helio-rs simulate observations --field examples/field.toml \
-                        --heliostats 3 --random-errors --seed 7 --out observations.csv\n  \
+                        --heliostats 3 --out seen.csv\n  \
                         helio-rs calibrate --field examples/field.toml --observations \
-                        observations.csv --out calibration.csv"
+                        seen.csv --out calibration.csv"
 )]
 pub(crate) struct CalibrateArgs {
     /// The field.toml
@@ -382,7 +382,7 @@ pub(crate) enum Simulate {
 #[derive(Debug, ClapArgs)]
 #[command(
     after_help = "Example:\n  helio-rs simulate observations --field examples/field.toml \
-                        --heliostats 3 --count 40 --random-errors --seed 7 --out observations.csv"
+                        --heliostats 3 --out seen.csv"
 )]
 pub(crate) struct SimulateObservationsArgs {
     /// The field.toml

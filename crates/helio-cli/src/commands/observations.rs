@@ -44,9 +44,10 @@ pub(crate) fn run(args: &SimulateObservationsArgs, printer: &Printer) -> Result<
     };
     let campaign = Campaign::new(args, &loaded)?;
     let rows = rows(args, &loaded)?;
-    let all: Result<Vec<Option<Vec<Observation>>>, Failure> =
+    // The first of several failures is the one to report, whichever thread was first.
+    let all: Vec<Result<Option<Vec<Observation>>, Failure>> =
         rows.par_iter().map(|&row| campaign.of(row)).collect();
-    let all = all?;
+    let all: Vec<Option<Vec<Observation>>> = all.into_iter().collect::<Result<_, _>>()?;
     let unseen: Vec<&str> = rows
         .iter()
         .zip(&all)
