@@ -38,27 +38,31 @@ fn six_angles_leave_no_more_than_published() {
         ("BG62", 1.15),
         ("BH35", 1.38),
     ];
-    eprintln!("heliostat  records  published  computed");
+    eprintln!("heliostat  records  published  components  across the beam");
     for (name, want_mrad) in published {
         let records = juelich::records(&data, name);
-        let options = FitOptions {
-            residual: ResidualForm::Beam,
-            ..FitOptions::default()
+        let beam_rms_mrad = |residual| {
+            let options = FitOptions {
+                residual,
+                ..FitOptions::default()
+            };
+            let fit = fit(&records.mount, &records.observations, &options).unwrap();
+            assert!(fit.stop.converged(), "{name}: {:?}", fit.stop);
+            let again = beam_rms(&records.mount, &records.observations, &fit.parameters);
+            assert!((fit.beam_rms_mrad - again).abs() < 1e-9);
+            fit.beam_rms_mrad
         };
-        let fit = fit(&records.mount, &records.observations, &options).unwrap();
-        assert!(fit.stop.converged(), "{name}: {:?}", fit.stop);
-        let again = beam_rms(&records.mount, &records.observations, &fit.parameters);
-        assert!((fit.beam_rms_mrad - again).abs() < 1e-9);
+        let on_target = beam_rms_mrad(ResidualForm::Components);
+        let across = beam_rms_mrad(ResidualForm::Beam);
         let count = records.observations.len();
-        eprintln!(
-            "{name:>9}  {count:>7}  {want_mrad:>9.2}  {:>8.3}",
-            fit.beam_rms_mrad
-        );
-        // The table gives two decimals.
+        eprintln!("{name:>9}  {count:>7}  {want_mrad:>9.2}  {on_target:>10.3}  {across:>6.3}");
+        assert!(across <= on_target + 1e-6, "{name}: {across} {on_target}");
+        // The table gives two decimals. AA39 meets its targets so obliquely from 57 m that components on
+        // the target leave 2.69 mrad of beam; across the beam it is below the published figure.
+        let got = if name == "AA39" { across } else { on_target };
         assert!(
-            fit.beam_rms_mrad <= (want_mrad + 0.005) * 1.02,
-            "{name}: {} mrad, published {want_mrad}",
-            fit.beam_rms_mrad
+            got <= (want_mrad + 0.005) * 1.02,
+            "{name}: {got} mrad, published {want_mrad}"
         );
     }
 }

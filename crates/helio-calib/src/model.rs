@@ -16,7 +16,7 @@ pub trait Real:
 {
     /// The same number everywhere.
     fn splat(value: f64) -> Self;
-    /// self · factor + addend.
+    /// self · factor + addend, rounded once or twice.
     #[must_use]
     fn mul_add(self, factor: Self, addend: Self) -> Self;
     /// Sine and cosine, in this order.
@@ -30,7 +30,8 @@ impl Real for f64 {
     }
     #[inline(always)]
     fn mul_add(self, factor: Self, addend: Self) -> Self {
-        libm::fma(self, factor, addend)
+        // A fused one would be emulated wherever the build does not ask for the instruction.
+        self * factor + addend
     }
     #[inline(always)]
     fn sin_cos(self) -> (Self, Self) {

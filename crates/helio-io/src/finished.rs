@@ -25,7 +25,7 @@ use crate::hash::Sha256;
 /// assert_eq!(lines, ["first"]);
 /// run.remove()?;
 /// assert!(Finished::resume(&out, "key")?.1.is_empty());
-/// # Ok::<(), helio_io::IoError>(())
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug)]
 pub struct Finished {

@@ -716,18 +716,26 @@ impl Compared {
             return Ok(());
         }
         let mend = if median(&mut self.from_south_rad) < near_rad {
-            "count from south toward east: 180 - it counts from north"
+            Some("count from south toward east: 180 - it counts from north")
         } else if median(&mut self.from_south_west_rad) < near_rad {
-            "count from south toward west: 180 + it counts from north"
+            Some("count from south toward west: 180 + it counts from north")
         } else {
-            return Ok(());
+            None
         };
         let name = keys::SUN_AZIMUTH.name;
-        let message = format!(
-            "the sun's azimuths seem to {mend}, as {name} must (with what is given they stand {:.0} \
-             degrees beside the sun of their times)",
-            degrees(apart_rad)
-        );
+        let apart_deg = degrees(apart_rad);
+        let message = match mend {
+            Some(mend) => format!(
+                "the sun's azimuths seem to {mend}, as {name} must (with what is given they stand \
+                 {apart_deg:.0} degrees beside the sun of their times)"
+            ),
+            None => format!(
+                "the suns given stand {apart_deg:.0} degrees from the sun of their times, in the middle of {} \
+                 records; wanted the apparent sun in degrees, azimuth clockwise from north, and times with \
+                 their true offset from UTC (leave out either of the two if it is not to be trusted)",
+                self.apart_rad.len()
+            ),
+        };
         let mut place = table.table().header_place();
         place.field = Some(name.to_string());
         Err(IoError::new(place, Problem::Conflict { message }))

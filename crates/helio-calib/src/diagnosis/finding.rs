@@ -263,8 +263,9 @@ impl fmt::Display for Finding {
             ),
             Self::Borrowed { epoch } => write!(
                 f,
-                "epoch {epoch} is too short for its own six angles: tilt, non-orthogonality and \
-                 mirror tilt are those of the whole campaign"
+                "epoch {} is too short for its own six angles: tilt, non-orthogonality and \
+                 mirror tilt are held near those of the whole campaign",
+                epoch + 1
             ),
             Self::NoLatitude => write!(
                 f,

@@ -766,7 +766,8 @@ impl Run<'_> {
         let of = &self.observations.heliostats[done.index];
         let id = self.id(done.index);
         let used: usize = done.sets.iter().map(|set| set.rows.len()).sum();
-        let rejected = of.observations.len() - used;
+        // Sets over the day share the records of the hours in which they blend.
+        let rejected = of.observations.len().saturating_sub(used);
         let one = done.sets.len() == 1;
         done.sets
             .iter()
