@@ -359,3 +359,47 @@ fn planted_faults_are_found() {
     );
     assert!(wrongly <= 2);
 }
+
+/// Mistakes that a fit swallows: its residual grows by a mrad or less and its parameters are wrong by many.
+#[test]
+fn mistakes_that_nearly_fit_are_named() {
+    let Some(data) = data::folder("mistakes_that_nearly_fit_are_named") else {
+        return;
+    };
+    let names = ["BF55", "BF57", "BG62"];
+    let all: Vec<_> = names
+        .iter()
+        .map(|name| juelich::records(&data, name))
+        .collect();
+    let neighbours: Vec<_> = all.iter().map(|records| records.mount).collect();
+    let context = Context {
+        site_latitude_rad: Some(juelich::LATITUDE_RAD),
+        neighbours: &neighbours,
+        ..Context::default()
+    };
+    let options = CalibrateOptions::default();
+    let call = |mount, observations: &[helio_calib::Observation]| {
+        let found = calibrate(mount, observations, &context, &options).unwrap();
+        found.findings.iter().find_map(|finding| match finding {
+            Finding::WrongCall { call, .. } => Some(*call),
+            _ => None,
+        })
+    };
+    for (own, records) in all.iter().enumerate() {
+        assert_eq!(call(&records.mount, &records.observations), None);
+        for (other, theirs) in all.iter().enumerate() {
+            if other != own {
+                let named = call(&records.mount, &theirs.observations);
+                eprintln!(
+                    "{} given the records of {}: {named:?}",
+                    records.name, theirs.name
+                );
+                let neighbour = other;
+                assert_eq!(named, Some(WrongCall::OtherHeliostat { neighbour }));
+            }
+        }
+        let mut upward = records.observations.clone();
+        upward.iter_mut().for_each(|o| o.v_m = -o.v_m);
+        assert_eq!(call(&records.mount, &upward), Some(WrongCall::SpotUpward));
+    }
+}

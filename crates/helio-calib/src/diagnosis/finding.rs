@@ -89,6 +89,12 @@ pub enum WrongCall {
     Axis1Flipped,
     /// The two axes are exchanged.
     AxesSwapped,
+    /// v counts upward.
+    SpotUpward,
+    /// u counts to the left.
+    SpotMirrored,
+    /// u and v are exchanged.
+    SpotSwapped,
     /// The records are those of another heliostat.
     OtherHeliostat {
         /// Which of [`Context::neighbours`](super::Context::neighbours).
@@ -113,6 +119,9 @@ impl WrongCall {
             Self::SunFromSouthWestward => "sun_from_south_westward",
             Self::Axis1Flipped => "axis1_flipped",
             Self::AxesSwapped => "axes_swapped",
+            Self::SpotUpward => "spot_upward",
+            Self::SpotMirrored => "spot_mirrored",
+            Self::SpotSwapped => "spot_swapped",
             Self::OtherHeliostat { .. } => "other_heliostat",
             Self::OtherTarget { .. } => "other_target",
         }
@@ -142,6 +151,12 @@ impl fmt::Display for WrongCall {
             ),
             Self::Axis1Flipped => write!(f, "the first axis looks counted the other way"),
             Self::AxesSwapped => write!(f, "the two axes look exchanged"),
+            Self::SpotUpward => write!(f, "the spots' v looks counted upward instead of down"),
+            Self::SpotMirrored => write!(
+                f,
+                "the spots' u looks counted to the left instead of the right, as a camera facing the target sees it"
+            ),
+            Self::SpotSwapped => write!(f, "the spots' u and v look exchanged"),
             Self::OtherHeliostat { neighbour } => {
                 write!(f, "the records fit the mount of neighbour {neighbour}")
             }

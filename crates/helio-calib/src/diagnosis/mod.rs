@@ -162,7 +162,23 @@ pub struct Calibration {
 const QUIET_MRAD: f64 = 0.5;
 /// A median beam error above this is no calibration \[mrad\].
 const UNEXPLAINED_MRAD: f64 = 5.0;
-/// Another reading of the records must leave this part of the error at most.
+/// Above this median other readings of the records are tried \[mrad\].
+const SUSPECT_MRAD: f64 = 1.0;
+
+/// What part of the error another reading of the records must leave at most. A large error asks for a plain
+/// answer; a small one is told from chance by many records.
+fn explained(as_given_mrad: f64, records: usize) -> f64 {
+    match records {
+        _ if as_given_mrad > UNEXPLAINED_MRAD => EXPLAINED,
+        40.. => 0.75,
+        20..40 => 0.5,
+        12..20 => EXPLAINED,
+        // six angles fit a dozen numbers whatever they mean
+        _ => 0.0,
+    }
+}
+
+/// Another reading of the records must leave this part of a large error at most.
 const EXPLAINED: f64 = 0.25;
 /// No pedestal leans so far \[rad\].
 const UPSIDE_DOWN_RAD: f64 = 0.8;
@@ -246,7 +262,7 @@ pub fn calibrate(
     let mut unexplained = false;
     // A mount on its head fits records of one whose first axis counts the other way.
     let tilt_rad = libm::hypot(model.shared[0], model.shared[1]);
-    if middle > UNEXPLAINED_MRAD || tilt_rad > UPSIDE_DOWN_RAD {
+    if middle > SUSPECT_MRAD || tilt_rad > UPSIDE_DOWN_RAD {
         let as_given_mrad = votes::quick(&frame, &records).min(middle);
         let reading = votes::reread(
             mount,
@@ -259,7 +275,7 @@ pub fn calibrate(
         match reading {
             Some((call, corrected_mrad))
                 if corrected_mrad < UNEXPLAINED_MRAD
-                    && (corrected_mrad < EXPLAINED * as_given_mrad
+                    && (corrected_mrad < explained(as_given_mrad, rows.len()) * as_given_mrad
                         || (tilt_rad > UPSIDE_DOWN_RAD && call == WrongCall::Axis1Flipped)) =>
             {
                 sound = false;

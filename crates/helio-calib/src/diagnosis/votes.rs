@@ -151,6 +151,12 @@ pub fn reread(
             WrongCall::AxesSwapped,
             Box::new(|o| core::mem::swap(&mut o.axis1_rad, &mut o.axis2_rad)),
         ),
+        (WrongCall::SpotUpward, Box::new(|o| o.v_m = -o.v_m)),
+        (WrongCall::SpotMirrored, Box::new(|o| o.u_m = -o.u_m)),
+        (
+            WrongCall::SpotSwapped,
+            Box::new(|o| core::mem::swap(&mut o.u_m, &mut o.v_m)),
+        ),
     ];
     for (target, plane) in targets.iter().enumerate() {
         readings.push((
