@@ -373,12 +373,12 @@ fn mistakes_that_nearly_fit_are_named() {
         .collect();
     let neighbours: Vec<_> = all.iter().map(|records| records.mount).collect();
     let context = Context {
-        site_latitude_rad: Some(juelich::LATITUDE_RAD),
+        site_latitude_rad: Some(LATITUDE_RAD),
         neighbours: &neighbours,
         ..Context::default()
     };
     let options = CalibrateOptions::default();
-    let call = |mount, observations: &[helio_calib::Observation]| {
+    let call = |mount, observations: &[Observation]| {
         let found = calibrate(mount, observations, &context, &options).unwrap();
         found.findings.iter().find_map(|finding| match finding {
             Finding::WrongCall { call, .. } => Some(*call),

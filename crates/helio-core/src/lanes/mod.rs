@@ -6,7 +6,7 @@
 //! instruction set gives the same bits and the scalar path, [`f64`] itself, is the oracle.
 //!
 //! Hidden, and no part of the stable interface: for the kernels of this project's other crates, which
-//! write theirs as a [`Kernel`] and get their lanes from [`run`].
+//! write theirs as a [`Kernel`] and get their lanes from `run::run`.
 
 pub mod math;
 mod pack;
