@@ -115,6 +115,15 @@ mod tests {
     use helio_core::{Field, Heliostat, MountErrors, OffsetForm, Status, Tracker, TrackingMode};
 
     #[test]
+    fn hour_angles_are_west_positive() {
+        let latitude_rad = 0.7;
+        let noon = EnuUnit::from_azimuth_elevation(core::f64::consts::PI, 0.8);
+        assert!(hour_angle_rad(noon, latitude_rad).abs() < 1e-15);
+        let evening = EnuUnit::from_azimuth_elevation(1.5 * core::f64::consts::PI, 0.2);
+        assert!(hour_angle_rad(evening, latitude_rad) > 0.5);
+    }
+
+    #[test]
     fn angles_are_those_of_the_tracker_in_every_mode() {
         let mut random = Random::new(3);
         let mut worst = 0.0_f64;

@@ -329,13 +329,6 @@ pub(crate) fn toward(azimuth_rad: &[f64], elevation_rad: &[f64]) -> Vec<EnuUnit>
         .collect()
 }
 
-/// Hour angle of a sun \[rad\], west positive, from where it stands over a latitude.
-pub(crate) fn hour_angle_rad(sun: EnuUnit, latitude_rad: f64) -> f64 {
-    let s = sun.as_enu();
-    let (sin, cos) = latitude_rad.sin_cos();
-    (-s.east).atan2(cos * s.up - sin * s.north)
-}
-
 /// Degrees whose conversion gave these radians, as somebody would have written them.
 ///
 /// A tenth of a degree is no double, so that degrees → radians → degrees may end a digit beside
@@ -498,14 +491,5 @@ mod tests {
         }
         let odd = 123.456_789_012_345_67;
         assert!((degrees_as_written(radians(odd)) - odd).abs() < 1e-13);
-    }
-
-    #[test]
-    fn hour_angles_are_west_positive() {
-        let latitude_rad = 0.7;
-        let noon = EnuUnit::from_azimuth_elevation(radians(180.0), 0.8);
-        assert!(hour_angle_rad(noon, latitude_rad).abs() < 1e-15);
-        let evening = EnuUnit::from_azimuth_elevation(radians(270.0), 0.2);
-        assert!(hour_angle_rad(evening, latitude_rad) > 0.5);
     }
 }

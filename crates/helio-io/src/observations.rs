@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use helio_calib::Observation;
+use helio_calib::aiming::hour_angle_rad;
 use helio_core::angle::{degrees, radians, wrap_pi};
 use helio_core::{Enu, EnuUnit, TargetPlane};
 use rayon::prelude::*;
@@ -674,13 +675,6 @@ fn project(plane: &TargetPlane, point: Enu) -> ([f64; 2], f64) {
 
 fn side(off_m: f64) -> &'static str {
     if off_m < 0.0 { "behind" } else { "before" }
-}
-
-/// Hour angle of a sun \[rad\], west positive, from where it stands over a latitude.
-fn hour_angle_rad(sun: EnuUnit, latitude_rad: f64) -> f64 {
-    let s = sun.as_enu();
-    let (sin, cos) = latitude_rad.sin_cos();
-    (-s.east).atan2(cos * s.up - sin * s.north)
 }
 
 /// Suns that a table gives, beside those of its times.

@@ -81,14 +81,30 @@ pub fn covariance(
             records[kept[at]].precision * u[(2 * at + c, k)]
         })
     });
-    let shared = Mat::<f64>::from_fn(count, count, |a, b| {
+    // K is never stored: it would take the square of the records' number
+    let shared = |a: usize, b: usize| {
         let cosine = dot(records[kept[a]].sighting.sun, records[kept[b]].sighting.sun);
         // 1 - cos = angle²/2 for the angles that matter
         libm::exp((cosine.min(1.0) - 1.0) / (REACH_RAD * REACH_RAD))
-    });
+    };
     let mut middle = Mat::<f64>::zeros(n, n);
-    for u in &across {
-        middle += u.transpose() * (&shared * u);
+    for a in 0..count {
+        let mut row = Mat::<f64>::zeros(2, n);
+        for b in 0..count {
+            let k = shared(a, b);
+            for (c, u) in across.iter().enumerate() {
+                for column in 0..n {
+                    row[(c, column)] += k * u[(b, column)];
+                }
+            }
+        }
+        for (c, u) in across.iter().enumerate() {
+            for p in 0..n {
+                for q in 0..n {
+                    middle[(p, q)] += u[(a, p)] * row[(c, q)];
+                }
+            }
+        }
     }
     let inner = Mat::<f64>::from_fn(n, n, |a, b| {
         let noise = if a == b { sigma_mrad * sigma_mrad } else { 0.0 };

@@ -11,7 +11,9 @@ use super::track::{latitude_rad, stop_on_signals};
 use crate::Outcome;
 use crate::args::{NO_SHADING, PredictArgs};
 use crate::failure::Failure;
-use crate::plan::{self, SunClock, Suns, degrees_as_written, hour_angle_rad, toward};
+use helio_calib::aiming::hour_angle_rad;
+
+use crate::plan::{self, SunClock, Suns, degrees_as_written, toward};
 use crate::printer::{Bytes, Grouped, Printer, Tally};
 
 pub(crate) fn run(args: &PredictArgs, printer: &Printer) -> Result<Outcome, Failure> {

@@ -12,9 +12,10 @@ use rayon::prelude::*;
 use crate::Outcome;
 use crate::args::{NO_SHADING, TrackArgs};
 use crate::failure::Failure;
-use crate::plan::{self, SunBlock, Suns, hour_angle_rad};
+use crate::plan::{self, SunBlock, Suns};
 use crate::plot::Plot;
 use crate::printer::{Bytes, Grouped, Printer, Tally};
+use helio_calib::aiming::hour_angle_rad;
 
 /// Rows from which a simple pass is worth a second thread.
 const ROWS_PER_TASK: usize = 1 << 15;
