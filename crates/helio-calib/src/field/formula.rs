@@ -222,6 +222,27 @@ impl<L: Lanes> Spot<L> {
     }
 }
 
+/// Weighted derivatives and residual of one component of a spot.
+type Slopes<L> = ([Lane<L>; 7], Lane<L>);
+
+/// Room for [`CHUNK`] rows, made once for all evaluations of a fit.
+pub(super) struct Chunk<L> {
+    spots: [Spot<L>; CHUNK],
+    /// Of either component.
+    held: [[Slopes<L>; 2]; CHUNK],
+}
+
+impl<L: Lanes> Chunk<L> {
+    #[inline(always)]
+    pub fn new() -> Self {
+        let zero = Lane::splat(0.0);
+        Self {
+            spots: [Spot::nothing(); CHUNK],
+            held: [[([zero; 7], zero); 2]; CHUNK],
+        }
+    }
+}
+
 impl<L: Lanes> Posed<L> {
     #[inline(always)]
     fn spot(
@@ -279,7 +300,7 @@ impl<L: Lanes> Posed<L> {
         spot: &Spot<L>,
         sun: &[Lane<L>; 3],
         weight: Lane<L>,
-    ) -> [([Lane<L>; 7], Lane<L>); 2] {
+    ) -> [Slopes<L>; 2] {
         let [n0, n1, n2] = spot.normal;
         let [s0, s1, s2] = *sun;
         // What a move of the beam's end along nt does on the plane.
@@ -339,7 +360,7 @@ impl<L: Lanes> Posed<L> {
         on_plane: Lane<L>,
         residual: Lane<L>,
         weight: Lane<L>,
-    ) -> ([Lane<L>; 7], Lane<L>) {
+    ) -> Slopes<L> {
         let [cos_gamma, sin_gamma] = spot.turned1;
         let [cos_alpha, sin_alpha] = spot.turned2;
         let [cos_tau, sin_tau] = self.tau;
@@ -367,6 +388,7 @@ pub(super) fn sums<L: Lanes, const P: usize>(
     segments: &[Segment],
     lane: usize,
     x: &[Lane<L>; 7],
+    chunk: &mut Chunk<L>,
 ) -> Sums<L, P> {
     let posed = Posed::new(x);
     let zero = Lane::splat(0.0);
@@ -374,8 +396,7 @@ pub(super) fn sums<L: Lanes, const P: usize>(
     let mut gradient = [zero; P];
     let mut sum_of_squares = zero;
     let mut misses = zero;
-    let mut spots = [Spot::nothing(); CHUNK];
-    let mut held = [[([zero; 7], zero); 2]; CHUNK];
+    let Chunk { spots, held } = chunk;
     let mut first = 0;
     for segment in segments {
         let from_plane = posed.upright(segment, lane);
@@ -383,11 +404,11 @@ pub(super) fn sums<L: Lanes, const P: usize>(
         // First the derivatives of some rows, a long chain each, then their products, many and short: in one
         // loop the sums would not find room in the registers beside them.
         for some in rows[first..segment.end].chunks(CHUNK) {
-            for (row, spot) in some.iter().zip(&mut spots) {
+            for (row, spot) in some.iter().zip(&mut *spots) {
                 *spot = posed.spot(&from_plane, centre, row, lane);
                 misses = misses.either_negative(spot.misses);
             }
-            for ((row, spot), both) in some.iter().zip(&spots).zip(&mut held) {
+            for ((row, spot), both) in some.iter().zip(&*spots).zip(&mut *held) {
                 let sun = three(row, lane, SUN);
                 *both = posed.slopes(&from_plane, spot, &sun, column(row, lane, WEIGHT));
             }
@@ -635,7 +656,13 @@ mod tests {
             };
             assert_eq!(group.fill(&[&campaign; 8]), [true; 8]);
             group.prepare::<f64>(0);
-            let got = sums::<f64, 7>(&group.rows, &group.segments, 0, &x.map(Lane));
+            let got = sums::<f64, 7>(
+                &group.rows,
+                &group.segments,
+                0,
+                &x.map(Lane),
+                &mut Chunk::new(),
+            );
             assert_eq!(!lands(got.misses), misses);
             worst = worst.max((got.sum_of_squares.0 - square).abs() / square);
             for i in 0..7 {

@@ -1,6 +1,6 @@
 //! Eight heliostats side by side.
 
-use helio_core::lanes::{BLOCK, Columns, Lanes};
+use helio_core::lanes::{BLOCK, Columns, Lanes, prefetch};
 use helio_core::{Enu, TargetPlane};
 
 use super::Campaign;
@@ -11,6 +11,26 @@ use crate::observation::{Mount, Observation};
 
 /// Rows that are filled at once.
 const TOGETHER: usize = 8;
+
+/// Cache lines of an observation.
+const LINES: usize = size_of::<Observation>().div_ceil(64);
+
+/// Asks for the memory of the observation `ahead` places on.
+#[inline(always)]
+fn ask_for(observation: &Observation, ahead: usize) {
+    for line in 0..LINES {
+        prefetch(observation, ahead, line);
+    }
+}
+
+/// Asks for the first observations of campaigns to come: [`Group::fill`] asks for the others as it goes.
+pub(super) fn ask_for_first<'a>(campaigns: impl Iterator<Item = &'a Campaign<'a>>) {
+    for campaign in campaigns {
+        for observation in campaign.observations.iter().take(TOGETHER) {
+            ask_for(observation, 0);
+        }
+    }
+}
 
 /// Greatest departure of a plane's axes from square ones of length one.
 const SQUARE: f64 = 1e-12;
@@ -119,6 +139,7 @@ impl Group {
                 let first = &observations[0];
                 let some = observations.get(begin..).unwrap_or(&[]);
                 for (row, observation) in rows.iter_mut().zip(some) {
+                    ask_for(observation, TOGETHER);
                     apart |= difference(&first.plane, &observation.plane);
                     place(row, lane, observation);
                     if observation.sigma_m.is_some() {

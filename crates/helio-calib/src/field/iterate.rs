@@ -2,7 +2,7 @@
 
 use helio_core::lanes::{BLOCK, Kernel, Lanes, Mask, math};
 
-use super::formula::{Sums, circular_sums, ending, lands, sums};
+use super::formula::{Chunk, Sums, circular_sums, ending, lands, sums};
 use super::group::Group;
 use super::lane::{Eight, Lane, any};
 use super::solve::Factor;
@@ -254,8 +254,9 @@ fn fit<L: Lanes, const P: usize>(
     let mut iterations = zero;
     let mut code = Lane::select(usable, zero, Lane::splat(code::UNSAFE));
     let mut active = usable;
+    let mut chunk = Chunk::new();
     for iteration in 0..settings.max_iterations {
-        let mut sums = sums::<L, P>(rows, segments, lane, &trial);
+        let mut sums = sums::<L, P>(rows, segments, lane, &trial, &mut chunk);
         constrain(&mut sums, settings, &trial);
         iterations = iterations + Lane::select(active, one, zero);
 

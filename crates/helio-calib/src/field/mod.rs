@@ -25,7 +25,7 @@ use crate::error::CalibrationError;
 use crate::fit::{Constraint, FitOptions, Start, Stop, check, fit};
 use crate::observation::{Mount, Observation};
 use crate::parameters::{COUNT, Parameter, Parameters};
-use group::Group;
+use group::{Group, ask_for_first};
 use iterate::{Answers, Job, Settings, code};
 
 /// One heliostat and what was seen of it.
@@ -237,6 +237,10 @@ impl Field<'_> {
                     &self.campaigns[*members[..long].get(lane).unwrap_or(&first)]
                 });
                 let square = group.fill(&chosen);
+                // Most likely this thread's next: on its way while the lanes are busy.
+                if let Some(soon) = groups.get(next.load(Ordering::Relaxed)) {
+                    ask_for_first(soon.iter().map(|&k| &self.campaigns[k]));
+                }
                 let job = Job {
                     group: &mut group,
                     settings: &self.settings,

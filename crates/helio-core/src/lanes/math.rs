@@ -104,13 +104,13 @@ impl<L: Lanes> Reduced<L> {
         }
     }
 
-    /// Of the angle in [-π/2, π/2] of a unit vector with cosine >= 0.
+    /// Of the angle in [-π/2, π/2] of a vector with cosine >= 0 whose length is 1/`scale`.
     #[inline(always)]
-    pub fn half(cosine: L, sine: L) -> Self {
+    pub fn half(cosine: L, sine: L, scale: L) -> Self {
         let acute = Self::acute(cosine, sine.abs());
         Self {
             base: acute.base.xor_sign(sine),
-            component: acute.component.xor_sign(sine),
+            component: acute.component.mul(scale).xor_sign(sine),
         }
     }
 
@@ -139,7 +139,7 @@ impl<L: Lanes> Reduced<L> {
 /// The angle in [-π/2, π/2] of a unit vector with cosine >= 0.
 #[inline(always)]
 pub(crate) fn angle_half<L: Lanes>(cosine: L, sine: L) -> L {
-    Reduced::half(cosine, sine).angle()
+    Reduced::half(cosine, sine, L::splat(1.0)).angle()
 }
 
 /// The angle in [-π, π] of a vector whose length is 1/`scale`.
@@ -197,7 +197,10 @@ mod tests {
             assert!((got - libm::atan2(s, c)).abs() < 8.9e-16, "{angle} {got}");
             if c >= 0.0 {
                 assert!(
-                    (Reduced::half(c, s).angle() - libm::atan2(s, c)).abs() < 3.4e-16,
+                    (Reduced::half(c * length, s * length, 1.0 / length).angle()
+                        - libm::atan2(s, c))
+                    .abs()
+                        < 3.4e-16,
                     "{angle}"
                 );
             }
@@ -217,7 +220,7 @@ mod tests {
         assert_eq!(Reduced::full(0.0, 1.0, 1.0).angle(), FRAC_PI_2);
         assert_eq!(Reduced::full(-1.0, 0.0, 1.0).angle(), PI);
         assert_eq!(Reduced::full(-1.0, -0.0, 1.0).angle(), -PI);
-        assert!((Reduced::half(1.0, -1e-9).angle() + 1e-9).abs() < tiny);
+        assert!((Reduced::half(1.0, -1e-9, 1.0).angle() + 1e-9).abs() < tiny);
         assert_eq!(Reduced::acute(0.0, 1.0).angle(), FRAC_PI_2);
     }
 

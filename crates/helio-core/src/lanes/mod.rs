@@ -10,12 +10,14 @@
 
 pub mod math;
 mod pack;
+mod prefetch;
 mod run;
 mod scalar;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod x86;
 
 pub(crate) use pack::{Pack2, Pack4};
+pub use prefetch::prefetch;
 pub use run::{Kernel, run};
 
 /// Rows of a block of prepared constants; the widest vector holds as many.
@@ -43,12 +45,10 @@ pub trait Lanes: Copy {
     fn load<const N: usize>(block: &Columns<N>, lane: usize, column: usize) -> Self {
         Self::read(&block.0[column][lane..])
     }
-    /// Asks for a column of the block that stands `ahead` blocks behind this one in memory, if there
-    /// is one; if not, nothing happens.
-    #[inline(always)]
-    fn prefetch<const N: usize>(_block: &Columns<N>, _ahead: usize, _column: usize) {}
     /// The first `WIDTH` numbers of a slice.
     fn read(source: &[f64]) -> Self;
+    /// The first `WIDTH` numbers of a slice of singles, exactly.
+    fn read_singles(source: &[f32]) -> Self;
     /// To the first `WIDTH` places of a slice.
     fn write(self, target: &mut [f64]);
     /// Like [`write`](Self::write), past the caches where the target is aligned to 64 bytes.
@@ -103,6 +103,11 @@ pub trait Lanes: Copy {
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(64))]
 pub struct Columns<const N: usize>(pub [[f64; BLOCK]; N]);
+
+/// [`Columns`] of half the size, for what need not be known to the last digit.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(64))]
+pub struct SingleColumns<const N: usize>(pub [[f32; BLOCK]; N]);
 
 /// Instruction sets that the kernels are compiled for; they differ in speed and never in a bit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

@@ -45,6 +45,10 @@ macro_rules! pack {
                 Self([$(L::read(&source[$i * L::WIDTH..])),+])
             }
             #[inline(always)]
+            fn read_singles(source: &[f32]) -> Self {
+                Self([$(L::read_singles(&source[$i * L::WIDTH..])),+])
+            }
+            #[inline(always)]
             fn write(self, target: &mut [f64]) {
                 $(self.0[$i].write(&mut target[$i * L::WIDTH..]);)+
             }

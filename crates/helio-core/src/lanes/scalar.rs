@@ -39,6 +39,10 @@ impl Lanes for f64 {
         source[0]
     }
     #[inline(always)]
+    fn read_singles(source: &[f32]) -> Self {
+        f64::from(source[0])
+    }
+    #[inline(always)]
     fn write(self, target: &mut [f64]) {
         target[0] = self;
     }

@@ -6,7 +6,7 @@
 
 use core::arch::x86_64::*;
 
-use super::{BLOCK, Columns, Lanes, Mask};
+use super::{Lanes, Mask};
 
 /// True if the processor, and the operating system's saving of registers, allow [`V4`].
 pub(crate) fn has_avx2() -> bool {
@@ -124,18 +124,14 @@ impl Lanes for V4 {
         Self(call!(_mm256_set1_pd(value)))
     }
     #[inline(always)]
-    fn prefetch<const N: usize>(block: &Columns<N>, ahead: usize, column: usize) {
-        let there = core::ptr::from_ref(block)
-            .wrapping_add(ahead)
-            .cast::<[f64; BLOCK]>();
-        call!(_mm_prefetch::<_MM_HINT_T0>(
-            there.wrapping_add(column).cast()
-        ));
-    }
-    #[inline(always)]
     fn read(source: &[f64]) -> Self {
         assert!(source.len() >= Self::WIDTH);
         Self(call!(_mm256_loadu_pd(source.as_ptr())))
+    }
+    #[inline(always)]
+    fn read_singles(source: &[f32]) -> Self {
+        assert!(source.len() >= Self::WIDTH);
+        Self(call!(_mm256_cvtps_pd(_mm_loadu_ps(source.as_ptr()))))
     }
     #[inline(always)]
     fn write(self, target: &mut [f64]) {
@@ -244,18 +240,14 @@ impl Lanes for V8 {
         Self(call!(_mm512_set1_pd(value)))
     }
     #[inline(always)]
-    fn prefetch<const N: usize>(block: &Columns<N>, ahead: usize, column: usize) {
-        let there = core::ptr::from_ref(block)
-            .wrapping_add(ahead)
-            .cast::<[f64; BLOCK]>();
-        call!(_mm_prefetch::<_MM_HINT_T0>(
-            there.wrapping_add(column).cast()
-        ));
-    }
-    #[inline(always)]
     fn read(source: &[f64]) -> Self {
         assert!(source.len() >= Self::WIDTH);
         Self(call!(_mm512_loadu_pd(source.as_ptr())))
+    }
+    #[inline(always)]
+    fn read_singles(source: &[f32]) -> Self {
+        assert!(source.len() >= Self::WIDTH);
+        Self(call!(_mm512_cvtps_pd(_mm256_loadu_ps(source.as_ptr()))))
     }
     #[inline(always)]
     fn write(self, target: &mut [f64]) {

@@ -5,12 +5,13 @@ mod forward;
 pub(crate) mod kernel;
 pub(crate) mod prepared;
 
+use alloc::boxed::Box;
 use alloc::vec::Vec;
 use core::ops::Range;
 
 use aligned::AlignedColumn;
 pub use forward::Prediction;
-use kernel::{PresentRows, Rows};
+use kernel::{PresentRows, Rows, Scratch};
 use prepared::{Prepared, TILE};
 
 use crate::error::TrackError;
@@ -63,6 +64,8 @@ pub struct Tracking {
     status: Vec<Status>,
     /// True if a row of `limit_excess` is not zero.
     any_outside: bool,
+    /// Kept with the buffer: clearing it anew would cost a small field several percent.
+    scratch: Option<Box<Scratch>>,
 }
 
 impl Tracking {
@@ -262,13 +265,15 @@ impl Tracker {
         if n == 0 || suns.is_empty() {
             return;
         }
+        let mut scratch = out.scratch.take().unwrap_or_default();
         let mut call = Call {
             tracker: self,
             level,
             stream: false,
         };
         if let Some(present) = present {
-            out.any_outside = call.continuous(suns, present, out.rows());
+            out.any_outside = call.continuous(suns, present, &mut scratch, out.rows());
+            out.scratch = Some(scratch);
             return;
         }
         // Streaming wants every sun's columns to begin on a cache line.
@@ -281,8 +286,9 @@ impl Tracker {
                 suns.len(),
                 1,
                 n,
+                &mut scratch,
                 out.rows(),
-                &|range: Range<usize>, rows| call.suns(&suns[range], 0, n, rows),
+                &|range: Range<usize>, scratch, rows| call.suns(&suns[range], 0, n, scratch, rows),
             )
         } else {
             let mut rest = out.rows();
@@ -290,13 +296,21 @@ impl Tracker {
             for &sun in suns {
                 let (rows, others) = rest.split_at(n);
                 rest = others;
-                any_outside |=
-                    in_parallel(pieces, n, TILE, 1, rows, &|range: Range<usize>, rows| {
-                        call.suns(&[sun], range.start, range.len(), rows)
-                    });
+                any_outside |= in_parallel(
+                    pieces,
+                    n,
+                    TILE,
+                    1,
+                    &mut scratch,
+                    rows,
+                    &|range: Range<usize>, scratch, rows| {
+                        call.suns(&[sun], range.start, range.len(), scratch, rows)
+                    },
+                );
             }
             any_outside
         };
+        out.scratch = Some(scratch);
     }
 }
 
@@ -310,7 +324,14 @@ struct Call<'a> {
 
 impl Call<'_> {
     /// `count` heliostats from `first` for some suns; `rows` holds them sun by sun.
-    fn suns(&self, suns: &[EnuUnit], first: usize, count: usize, mut rows: Rows<'_>) -> bool {
+    fn suns(
+        &self,
+        suns: &[EnuUnit],
+        first: usize,
+        count: usize,
+        scratch: &mut Scratch,
+        mut rows: Rows<'_>,
+    ) -> bool {
         let mut any_outside = false;
         let per_pass = if suns.len() == 1 {
             count
@@ -322,7 +343,7 @@ impl Call<'_> {
             let len = per_pass.min(count - start);
             for (index, &sun) in suns.iter().enumerate() {
                 let part = rows.part(index * count + start, len);
-                any_outside |= self.one(sun, first + start, None, part);
+                any_outside |= self.one(sun, first + start, None, scratch, part);
             }
             start += len;
         }
@@ -334,6 +355,7 @@ impl Call<'_> {
         sun: EnuUnit,
         first: usize,
         present: Option<PresentRows<'_>>,
+        scratch: &mut Scratch,
         mut rows: Rows<'_>,
     ) -> bool {
         if !is_up(sun) {
@@ -352,11 +374,17 @@ impl Call<'_> {
             level,
             stream,
         };
-        call.track(*offset, sun, &mut rows)
+        call.track(*offset, sun, scratch, &mut rows)
     }
 
     /// Each sun from where the one before left the axes.
-    fn continuous(&self, suns: &[EnuUnit], present: Present<'_>, mut rows: Rows<'_>) -> bool {
+    fn continuous(
+        &self,
+        suns: &[EnuUnit],
+        present: Present<'_>,
+        scratch: &mut Scratch,
+        mut rows: Rows<'_>,
+    ) -> bool {
         let n = self.tracker.len();
         let mut axis1 = present.axis1_rad.to_vec();
         let mut axis2 = present.axis2_rad.to_vec();
@@ -366,7 +394,7 @@ impl Call<'_> {
                 axis1: &axis1,
                 axis2: &axis2,
             };
-            any_outside |= self.one(sun, 0, Some(here), rows.part(index * n, n));
+            any_outside |= self.one(sun, 0, Some(here), scratch, rows.part(index * n, n));
             let done = rows.part(index * n, n);
             for row in 0..n {
                 if done.status[row] == Status::Ok {
@@ -403,8 +431,9 @@ fn in_parallel(
     count: usize,
     multiple: usize,
     width: usize,
+    scratch: &mut Scratch,
     rows: Rows<'_>,
-    work: &(dyn Fn(Range<usize>, Rows<'_>) -> bool + Sync),
+    work: &(dyn Fn(Range<usize>, &mut Scratch, Rows<'_>) -> bool + Sync),
 ) -> bool {
     #[cfg(feature = "std")]
     if pieces > 1 {
@@ -420,20 +449,20 @@ fn in_parallel(
                 rest = others;
                 let any = &any;
                 scope.spawn(move |_| {
-                    if work(start..end, piece) {
+                    if work(start..end, &mut Scratch::default(), piece) {
                         any.store(true, Ordering::Relaxed);
                     }
                 });
                 start = end;
             }
-            if work(0..length.min(count), mine) {
+            if work(0..length.min(count), scratch, mine) {
                 any.store(true, Ordering::Relaxed);
             }
         });
         return any.load(Ordering::Relaxed);
     }
     let _ = (pieces, multiple, width);
-    work(0..count, rows)
+    work(0..count, scratch, rows)
 }
 
 fn checked_level(level: Option<SimdLevel>) -> Result<SimdLevel, TrackError> {
@@ -571,6 +600,38 @@ mod tests {
                 .track_into(&[sun], Some(present), &options, &mut out)
                 .unwrap();
             assert!((out.axis2_rad()[0] - over[1]).abs() < 1e-9, "{present:?}");
+        }
+    }
+
+    // Beside a limited heliostat an unlimited one goes by another path. Reference: that of a field of
+    // its own; every angle lies in [0, 2π), as near to its ends as can be.
+    #[test]
+    fn a_free_axis_is_given_the_same_beside_a_limited_one() {
+        let sun = EnuUnit::from_azimuth_elevation(2.1, 0.6);
+        let mut free = Heliostat::new(Enu::default(), Enu::new(30.0, 100.0, 30.0));
+        free.errors.mirror_tilt_rad = 0.01;
+        let mut limited = free;
+        limited.limits.axis1_min_rad = -1.0;
+        limited.limits.axis1_max_rad = 5.5;
+        let track = |heliostats: &[Heliostat]| {
+            let mut field = Field::new(TrackingMode::AzimuthElevation);
+            for (number, heliostat) in heliostats.iter().enumerate() {
+                field.push(&number.to_string(), *heliostat).unwrap();
+            }
+            Tracker::new(&field, OffsetForm::Exact).unwrap().track(sun)
+        };
+        let from_zero = track(&[free]).axis1_rad()[0];
+        for exponent in 0..=40 {
+            for sign in [-1.0, 0.0, 1.0] {
+                let apart = sign * 10_f64.powf(-0.4 * f64::from(exponent));
+                free.errors.azimuth_reference_rad = apart - from_zero;
+                let alone = track(&[free]);
+                let beside = track(&[limited, free]);
+                assert_eq!(beside.status()[1], Status::Ok);
+                let angle = beside.axis1_rad()[1];
+                assert_eq!(angle.to_bits(), alone.axis1_rad()[0].to_bits(), "{apart:e}");
+                assert!((0.0..core::f64::consts::TAU).contains(&angle), "{apart:e}");
+            }
         }
     }
 }

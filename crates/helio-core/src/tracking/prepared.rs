@@ -28,22 +28,20 @@ pub(crate) mod column {
     pub const TILT2: usize = 5;
     /// 1 + cos(psi_t).
     pub const TILT_FACTOR: usize = 6;
-    /// 1/(cos(tau1) cos(mu)).
-    pub const SINE_FACTOR: usize = 7;
-    /// -tan(tau1) tan(mu).
-    pub const SINE_SHIFT: usize = 8;
-    /// sin(mu)/cos(tau1).
-    pub const D2_SHIFT: usize = 9;
     /// tan(tau1).
-    pub const D2_FACTOR: usize = 10;
+    pub const TAN_TAU1: usize = 7;
+    /// 1/cos(tau1).
+    pub const SEC_TAU1: usize = 8;
+    /// sin(mu).
+    pub const SIN_MU: usize = 9;
     /// 1/cos(mu); negative to mark a row that is not for the fast path.
-    pub const COSINE_FACTOR: usize = 11;
-    /// gamma0 less the middle of the first axis' window.
-    pub const SHIFT1: usize = 12;
-    /// alpha0 less the middle of the second axis' window, within half a turn.
-    pub const SHIFT2: usize = 13;
+    pub const SEC_MU: usize = 10;
+    /// gamma0.
+    pub const SHIFT1: usize = 11;
+    /// alpha0; where the second axis is wrapped, within half a turn of its window's middle.
+    pub const SHIFT2: usize = 12;
     /// How many there are.
-    pub const COUNT: usize = 14;
+    pub const COUNT: usize = 13;
 }
 
 /// Where the fixed axes point.
@@ -62,7 +60,7 @@ pub(crate) struct Prepared {
     pub constants: Vec<Columns<{ column::COUNT }>>,
     pub base: Base,
     pub limits: Limits,
-    /// The same of every heliostat, for the rows that are not plainly ok.
+    /// To the last digit, for the rows that are not plainly ok.
     pub ranges: Vec<[AxisRange<f64>; 2]>,
     /// Limits as given, for shortest travel.
     pub axis_limits: Vec<AxisLimits>,
@@ -87,7 +85,6 @@ impl Prepared {
             }
             mode => Some(MountAxes::of(mode, EnuUnit::UP)),
         };
-        let mut limits = Vec::with_capacity(len);
         let mut ranges = Vec::with_capacity(len);
         for (row, h) in field.heliostats().iter().enumerate() {
             let to_aim = h.aim - h.pivot;
@@ -120,13 +117,12 @@ impl Prepared {
             let e = &h.errors;
             let range1 = AxisRange::of_axis1(&h.limits);
             let range2 = AxisRange::of_axis2(&h.limits, e.elevation_reference_rad);
-            let shift1 = e.azimuth_reference_rad - range1.middle;
-            let mut shift2 = e.elevation_reference_rad - range2.middle;
+            let mut shift2 = e.elevation_reference_rad;
             let mut fast = ratio.abs() <= MAX_SERIES_RATIO;
             if range2.middle != 0.0 || range2.reach.is_finite() {
-                shift2 -= TAU * libm::rint(shift2 / TAU);
+                shift2 -= TAU * libm::rint((shift2 - range2.middle) / TAU);
                 // The fast path does not wrap the second axis: it has the rows that need none.
-                fast &= shift2.abs() <= PI / 2.0;
+                fast &= (shift2 - range2.middle).abs() <= PI / 2.0;
             }
             let (sin_tilt, cos_tilt) = libm::sincos(e.pedestal_tilt_rad);
             let tan_half_tilt = sin_tilt / (1.0 + cos_tilt);
@@ -141,19 +137,17 @@ impl Prepared {
                 tan_half_tilt * cos_tilt_azimuth,
                 tan_half_tilt * sin_tilt_azimuth,
                 1.0 + cos_tilt,
-                1.0 / (cos_tau1 * cos_mu),
-                -(sin_tau1 / cos_tau1) * (sin_mu / cos_mu),
-                sin_mu / cos_tau1,
                 sin_tau1 / cos_tau1,
+                1.0 / cos_tau1,
+                sin_mu,
                 if fast { 1.0 / cos_mu } else { -1.0 / cos_mu },
-                shift1,
+                e.azimuth_reference_rad,
                 shift2,
             ];
             let Columns(block) = &mut constants[row / BLOCK];
             for (column, value) in block.iter_mut().zip(values) {
                 column[row % BLOCK] = value;
             }
-            limits.push([range1.middle, range1.reach, range2.middle, range2.reach]);
             ranges.push([range1, range2]);
         }
         // The padding repeats the last heliostat: whatever path it takes, so do its neighbours.
@@ -170,7 +164,7 @@ impl Prepared {
             len,
             constants,
             base: shared.map_or(Base::PerHeliostat(axes), Base::Shared),
-            limits: Limits::new(unlimited, &limits, blocks),
+            limits: Limits::new(unlimited, &ranges, blocks),
             ranges,
             references: field
                 .heliostats()

@@ -3,7 +3,7 @@
 
 use super::limits::{LimitSource, Limits, PerHeliostat, Uniform, Unlimited};
 use super::normal::{Approximate, Exact, Iterated, OffsetSource};
-use super::{AnySun, Job, PresentRows, Rows, SunSource};
+use super::{AnySun, Job, PresentRows, Rows, Scratch, SunSource};
 use crate::frame::EnuUnit;
 use crate::lanes::{BLOCK, Lanes, SimdLevel};
 use crate::offset::OffsetForm;
@@ -24,21 +24,33 @@ pub(crate) struct Call<'a> {
 
 impl Call<'_> {
     /// Computes all rows of `out`. True if one lies outside its limits.
-    pub(crate) fn track(&self, form: OffsetForm, sun: EnuUnit, out: &mut Rows<'_>) -> bool {
+    pub(crate) fn track(
+        &self,
+        form: OffsetForm,
+        sun: EnuUnit,
+        scratch: &mut Scratch,
+        out: &mut Rows<'_>,
+    ) -> bool {
         match form {
-            OffsetForm::Exact => self.with_offset(Exact, sun, out),
-            OffsetForm::Approximate => self.with_offset(Approximate, sun, out),
-            OffsetForm::Iterated(count) => self.with_offset(Iterated(count), sun, out),
-            OffsetForm::None => self.with_offset(Iterated(0), sun, out),
+            OffsetForm::Exact => self.with_offset(Exact, sun, scratch, out),
+            OffsetForm::Approximate => self.with_offset(Approximate, sun, scratch, out),
+            OffsetForm::Iterated(count) => self.with_offset(Iterated(count), sun, scratch, out),
+            OffsetForm::None => self.with_offset(Iterated(0), sun, scratch, out),
         }
     }
 
-    fn with_offset<O: OffsetSource>(&self, offset: O, sun: EnuUnit, out: &mut Rows<'_>) -> bool {
+    fn with_offset<O: OffsetSource>(
+        &self,
+        offset: O,
+        sun: EnuUnit,
+        scratch: &mut Scratch,
+        out: &mut Rows<'_>,
+    ) -> bool {
         match &self.prepared.limits {
-            Limits::None => self.with_limits(offset, Unlimited, sun, out),
-            Limits::Uniform(values) => self.with_limits(offset, Uniform(values), sun, out),
+            Limits::None => self.with_limits(offset, Unlimited, sun, scratch, out),
+            Limits::Uniform(values) => self.with_limits(offset, Uniform(values), sun, scratch, out),
             Limits::PerHeliostat(columns) => {
-                self.with_limits(offset, PerHeliostat(columns), sun, out)
+                self.with_limits(offset, PerHeliostat(columns), sun, scratch, out)
             }
         }
     }
@@ -48,6 +60,7 @@ impl Call<'_> {
         offset: O,
         limits: M,
         sun: EnuUnit,
+        scratch: &mut Scratch,
         out: &mut Rows<'_>,
     ) -> bool {
         let prepared = self.prepared;
@@ -61,6 +74,7 @@ impl Call<'_> {
                     limits,
                     sun,
                 },
+                scratch,
                 out,
             ),
             AnySun::Turned(sun) => self.run(
@@ -71,6 +85,7 @@ impl Call<'_> {
                     limits,
                     sun,
                 },
+                scratch,
                 out,
             ),
         }
@@ -79,30 +94,33 @@ impl Call<'_> {
     fn run<O: OffsetSource, M: LimitSource, S: SunSource>(
         &self,
         job: Job<'_, O, M, S>,
+        scratch: &mut Scratch,
         out: &mut Rows<'_>,
     ) -> bool {
         match (self.level, self.stream) {
             #[cfg(target_arch = "x86_64")]
             // SAFETY: `Tracker` accepts a level only if `SimdLevel::available` lists it.
             (SimdLevel::Avx512, false) => unsafe {
-                x86::avx512(job, self.first, self.present, out)
+                x86::avx512(job, self.first, self.present, scratch, out)
             },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: as above.
             (SimdLevel::Avx512, true) => unsafe {
-                x86::avx512_stream(job, self.first, self.present, out)
+                x86::avx512_stream(job, self.first, self.present, scratch, out)
             },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: as above.
-            (SimdLevel::Avx2, _) => unsafe { x86::avx2(job, self.first, self.present, out) },
-            _ => job.run::<f64, false>(self.first, self.present, out),
+            (SimdLevel::Avx2, _) => unsafe {
+                x86::avx2(job, self.first, self.present, scratch, out)
+            },
+            _ => job.run::<f64, false>(self.first, self.present, scratch, out),
         }
     }
 }
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {
-    use super::{Job, LimitSource, OffsetSource, PresentRows, Rows, SunSource};
+    use super::{Job, LimitSource, OffsetSource, PresentRows, Rows, Scratch, SunSource};
     use crate::lanes::x86::{V4, V8};
 
     #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,fma")]
@@ -110,9 +128,10 @@ mod x86 {
         job: Job<'_, O, M, S>,
         first: usize,
         present: Option<PresentRows<'_>>,
+        scratch: &mut Scratch,
         out: &mut Rows<'_>,
     ) -> bool {
-        job.run::<V8, false>(first, present, out)
+        job.run::<V8, false>(first, present, scratch, out)
     }
 
     #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,fma")]
@@ -120,9 +139,10 @@ mod x86 {
         job: Job<'_, O, M, S>,
         first: usize,
         present: Option<PresentRows<'_>>,
+        scratch: &mut Scratch,
         out: &mut Rows<'_>,
     ) -> bool {
-        let any_outside = job.run::<V8, true>(first, present, out);
+        let any_outside = job.run::<V8, true>(first, present, scratch, out);
         core::arch::x86_64::_mm_sfence();
         any_outside
     }
@@ -152,9 +172,10 @@ mod x86 {
         job: Job<'_, O, M, S>,
         first: usize,
         present: Option<PresentRows<'_>>,
+        scratch: &mut Scratch,
         out: &mut Rows<'_>,
     ) -> bool {
-        job.run::<V4, false>(first, present, out)
+        job.run::<V4, false>(first, present, scratch, out)
     }
 }
 

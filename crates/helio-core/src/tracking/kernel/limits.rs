@@ -3,7 +3,7 @@
 use alloc::vec::Vec;
 use core::f64::consts::{PI, TAU};
 
-use crate::lanes::{BLOCK, Columns, Lanes, Mask};
+use crate::lanes::{BLOCK, Lanes, Mask, SingleColumns, prefetch};
 use crate::mount::AxisLimits;
 use crate::tracking::prepared::LIMIT_TOLERANCE_RAD;
 
@@ -14,13 +14,13 @@ pub(crate) enum Limits {
     /// No heliostat is limited.
     None,
     /// All heliostats have the same: no memory is read.
-    Uniform([f64; 4]),
-    /// Columns: middle and reach of either axis.
-    PerHeliostat(Vec<Columns<4>>),
+    Uniform([AxisRange<f64>; 2]),
+    /// Middle and reach of either axis, as [`AxisRange::narrowed`].
+    PerHeliostat(Vec<SingleColumns<4>>),
 }
 
 impl Limits {
-    pub fn new(unlimited: bool, rows: &[[f64; 4]], blocks: usize) -> Self {
+    pub fn new(unlimited: bool, rows: &[[AxisRange<f64>; 2]], blocks: usize) -> Self {
         let Some(first) = rows.first() else {
             return Self::None;
         };
@@ -28,19 +28,24 @@ impl Limits {
             return Self::None;
         }
         if rows.iter().all(|row| row == first) {
-            return Self::Uniform(*first);
+            return Self::Uniform(first.map(AxisRange::narrowed));
         }
-        let mut columns = alloc::vec![Columns([[0.0; BLOCK]; 4]); blocks];
+        let mut columns = alloc::vec![SingleColumns([[0.0; BLOCK]; 4]); blocks];
         for row in 0..blocks * BLOCK {
-            let values = rows[row.min(rows.len() - 1)];
-            let Columns(block) = &mut columns[row / BLOCK];
+            let [axis1, axis2] = rows[row.min(rows.len() - 1)].map(AxisRange::narrowed);
+            let values = [axis1.middle, axis1.reach, axis2.middle, axis2.reach];
+            let SingleColumns(block) = &mut columns[row / BLOCK];
             for (column, value) in block.iter_mut().zip(values) {
-                column[row % BLOCK] = value;
+                // exact: narrowed to singles
+                column[row % BLOCK] = value as f32;
             }
         }
         Self::PerHeliostat(columns)
     }
 }
+
+/// Far above the roundings of an angle, far below an encoder step.
+const NARROWER_RAD: f64 = 1e-9;
 
 /// Where an axis' angle is given: in the full turn about `middle`, where it must not be farther from
 /// the middle than `reach`. Kernels count angles from the middle until the end.
@@ -72,7 +77,8 @@ impl AxisRange<f64> {
     }
 
     fn new(min_rad: f64, max_rad: f64, default_middle: f64) -> Self {
-        let infinite = f64::INFINITY;
+        // A window excludes nothing of itself.
+        let all = PI + LIMIT_TOLERANCE_RAD;
         match (min_rad.is_finite(), max_rad.is_finite()) {
             (true, true) => Self {
                 middle: 0.5 * (min_rad + max_rad),
@@ -80,16 +86,30 @@ impl AxisRange<f64> {
             },
             (true, false) => Self {
                 middle: default_middle.max(min_rad + PI),
-                reach: infinite,
+                reach: all,
             },
             (false, true) => Self {
                 middle: default_middle.min(max_rad - PI),
-                reach: infinite,
+                reach: all,
             },
             (false, false) => Self {
                 middle: default_middle,
-                reach: infinite,
+                reach: all,
             },
+        }
+    }
+
+    /// In single precision, and drawn in so far that what is inside it is certainly inside this
+    /// one, in the same turn. Kernels judge by it what is plainly inside; the rest is judged by this one.
+    fn narrowed(self) -> Self {
+        let middle = f64::from(self.middle as f32);
+        let mut reach = self.reach;
+        if reach.is_finite() {
+            reach = reach.min(PI) - (middle - self.middle).abs() - NARROWER_RAD;
+        }
+        Self {
+            middle,
+            reach: f64::from((reach as f32).next_down()),
         }
     }
 }
@@ -108,7 +128,7 @@ pub(crate) trait LimitSource: Copy {
     fn range<L: Lanes>(self, block: usize, lane: usize, axis: usize) -> AxisRange<L>;
     /// Asks for the memory of a block, if there is one.
     #[inline(always)]
-    fn prefetch<L: Lanes>(self, _block: usize) {}
+    fn prefetch(self, _block: usize) {}
 }
 
 /// No heliostat is limited: axis 1 in [0, 2π), axis 2 as it comes.
@@ -129,54 +149,68 @@ impl LimitSource for Unlimited {
 
 /// The same limits everywhere.
 #[derive(Clone, Copy)]
-pub(crate) struct Uniform<'a>(pub &'a [f64; 4]);
+pub(crate) struct Uniform<'a>(pub &'a [AxisRange<f64>; 2]);
 
 impl LimitSource for Uniform<'_> {
     const LIMITED: bool = true;
     #[inline(always)]
     fn range<L: Lanes>(self, _block: usize, _lane: usize, axis: usize) -> AxisRange<L> {
         AxisRange {
-            middle: L::splat(self.0[2 * axis]),
-            reach: L::splat(self.0[2 * axis + 1]),
+            middle: L::splat(self.0[axis].middle),
+            reach: L::splat(self.0[axis].reach),
         }
     }
 }
 
 /// Limits as columns.
 #[derive(Clone, Copy)]
-pub(crate) struct PerHeliostat<'a>(pub &'a [Columns<4>]);
+pub(crate) struct PerHeliostat<'a>(pub &'a [SingleColumns<4>]);
 
 impl LimitSource for PerHeliostat<'_> {
     const LIMITED: bool = true;
     #[inline(always)]
     fn range<L: Lanes>(self, block: usize, lane: usize, axis: usize) -> AxisRange<L> {
         AxisRange {
-            middle: L::load(&self.0[block], lane, 2 * axis),
-            reach: L::load(&self.0[block], lane, 2 * axis + 1),
+            middle: L::read_singles(&self.0[block].0[2 * axis][lane..]),
+            reach: L::read_singles(&self.0[block].0[2 * axis + 1][lane..]),
         }
     }
     #[inline(always)]
-    fn prefetch<L: Lanes>(self, block: usize) {
+    fn prefetch(self, block: usize) {
         if let Some(limits) = self.0.get(block) {
-            L::prefetch(limits, 0, 0);
-            L::prefetch(limits, 0, 1);
-            L::prefetch(limits, 0, 2);
-            L::prefetch(limits, 0, 3);
+            prefetch(limits, 0, 0);
+            prefetch(limits, 0, 1);
         }
     }
 }
 
-/// The representative within half a turn of an angle counted from a middle. The upper end is drawn in
-/// by a few roundings' width and the lower one kept, so that a middle of π gives [0, 2π).
-#[inline(always)]
-pub(crate) fn within_half_turn<L: Lanes>(from_middle: L) -> L {
-    const DRAWN_IN: f64 = 2.0 * f64::EPSILON;
-    let turns = from_middle
-        .mul_add(L::splat(1.0 / TAU), L::splat(DRAWN_IN))
-        .round();
-    turns
-        .neg_mul_add(L::splat(TAU), from_middle)
-        .max(L::splat(-PI))
+impl<L: Lanes> AxisRange<L> {
+    /// The whole turns that lead an angle into the window, taken off.
+    ///
+    /// The window's upper end is drawn in by a few roundings' width, so that what lies there by rounding
+    /// comes out at the lower one.
+    #[inline(always)]
+    pub fn nearest_turn(&self, angle: L) -> L {
+        const DRAWN_IN: f64 = 2.0 * f64::EPSILON;
+        let turns = angle
+            .sub(self.middle)
+            .mul_add(L::splat(1.0 / TAU), L::splat(DRAWN_IN))
+            .round();
+        turns.neg_mul_add(L::splat(TAU), angle)
+    }
+
+    /// The representative of an angle in the window, not below its lower end by a rounding: a middle of π
+    /// gives [0, 2π).
+    #[inline(always)]
+    pub fn window(&self, angle: L) -> L {
+        self.nearest_turn(angle).max(self.middle.sub(L::splat(PI)))
+    }
+
+    /// How far inside the reach an angle is; negative outside.
+    #[inline(always)]
+    pub fn margin(&self, angle: L) -> L {
+        self.reach.sub(angle.sub(self.middle).abs())
+    }
 }
 
 impl AxisEnds<f64> {
@@ -219,6 +253,7 @@ mod tests {
     // Against the one wrapping that is written for people, within rounding and on the circle.
     #[test]
     fn a_middle_of_half_a_turn_gives_the_full_turn_from_zero() {
+        let range = AxisRange::of_axis1(&AxisLimits::NONE);
         let mut angles: Vec<f64> = (-40_000..40_000).map(|k| f64::from(k) * 5e-4).collect();
         for turn in -3..=3 {
             for ulps in -40..=40 {
@@ -226,10 +261,45 @@ mod tests {
             }
         }
         for angle in angles {
-            let wrapped = within_half_turn(angle - PI) + PI;
+            let wrapped = range.window(angle);
             assert!((0.0..TAU).contains(&wrapped), "{angle:e}: {wrapped:e}");
             let apart = (wrapped - wrap_tau(angle)).abs();
             assert!(apart.min(TAU - apart) < 8e-15, "{angle}: {wrapped}");
         }
+    }
+
+    // What the narrow range takes for inside is inside the true one, in the same turn.
+    #[test]
+    fn what_is_inside_a_narrowed_range_is_inside_the_range() {
+        let mut inside = 0;
+        for step in 0..20_000_u32 {
+            let unit = |k: u32| f64::from((step * 7919 + k * 104_729) % 10_007) / 10_007.0;
+            let middle = (unit(1) - 0.5) * if step % 3 == 0 { 2000.0 } else { 10.0 };
+            let reach = unit(2) * 4.0;
+            let limits = AxisLimits {
+                axis1_min_rad: middle - reach,
+                axis1_max_rad: middle + reach,
+                ..AxisLimits::NONE
+            };
+            let range = AxisRange::of_axis1(&limits);
+            let narrow = range.narrowed();
+            // about its ends and about those of the turn
+            let end = if step % 2 == 0 { reach } else { PI };
+            let near = 10_f64.powf(-13.0 * unit(3)) * if step % 5 < 2 { -1.0 } else { 1.0 };
+            let angle = middle
+                + if step % 7 < 3 {
+                    end + near
+                } else {
+                    -end - near
+                };
+            let turned = narrow.nearest_turn(angle);
+            if narrow.margin(turned) >= 0.0 {
+                inside += 1;
+                assert!(range.margin(turned) > 0.0, "{range:?} {angle}");
+                assert_eq!(range.window(angle).to_bits(), turned.to_bits());
+                assert!((turned - middle).abs() < PI);
+            }
+        }
+        assert!(inside > 5_000, "{inside}");
     }
 }

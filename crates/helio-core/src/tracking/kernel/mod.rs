@@ -161,16 +161,15 @@ impl<O: OffsetSource, M: LimitSource, S: SunSource> Job<'_, O, M, S> {
         &self,
         first: usize,
         present: Option<PresentRows<'_>>,
+        scratch: &mut Scratch,
         out: &mut Rows<'_>,
     ) -> bool {
+        let Scratch { tile, side, queue } = scratch;
         let mut any_outside = false;
-        let mut tile = Tile::new();
-        let mut side = SideColumns::new();
-        let mut queue = Queue::new();
         let mut start = 0;
         let blocks_from = |start: usize, len: usize| TILE.min(len - start).div_ceil(BLOCK);
         if present.is_none() && out.len() > 0 {
-            self.open_tile::<L>(first / BLOCK, blocks_from(0, out.len()), &mut tile);
+            self.open_tile::<L>(first / BLOCK, blocks_from(0, out.len()), tile);
         }
         while start < out.len() {
             let count = TILE.min(out.len() - start);
@@ -189,7 +188,7 @@ impl<O: OffsetSource, M: LimitSource, S: SunSource> Job<'_, O, M, S> {
                     (first + start) / BLOCK,
                     blocks_from(start, len),
                     blocks_from(start + count, len),
-                    &mut tile,
+                    tile,
                     &mut target,
                 );
                 if !whole {
@@ -199,7 +198,7 @@ impl<O: OffsetSource, M: LimitSource, S: SunSource> Job<'_, O, M, S> {
             }
             while open != 0 {
                 let row = start + open.trailing_zeros() as usize;
-                self.enqueue(&mut queue, first + row, row, present);
+                self.enqueue(queue, first + row, row, present);
                 open &= open - 1;
             }
             start += count;
@@ -223,7 +222,7 @@ impl<O: OffsetSource, M: LimitSource, S: SunSource> Job<'_, O, M, S> {
         let constants = &self.constants[block];
         let mut row_constants: [f64; column::COUNT] =
             core::array::from_fn(|which| constants.0[which][lane]);
-        row_constants[column::COSINE_FACTOR] = row_constants[column::COSINE_FACTOR].abs();
+        row_constants[column::SEC_MU] = row_constants[column::SEC_MU].abs();
         queue.push(queue::Entry {
             out_row,
             constants: row_constants,
@@ -235,7 +234,32 @@ impl<O: OffsetSource, M: LimitSource, S: SunSource> Job<'_, O, M, S> {
     }
 }
 
+/// What a kernel needs room for; nothing is carried from one call to the next.
+#[derive(Clone)]
+pub(crate) struct Scratch {
+    tile: Tile,
+    side: SideColumns,
+    queue: Queue,
+}
+
+impl core::fmt::Debug for Scratch {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str("Scratch")
+    }
+}
+
+impl Default for Scratch {
+    fn default() -> Self {
+        Self {
+            tile: Tile::new(),
+            side: SideColumns::new(),
+            queue: Queue::new(),
+        }
+    }
+}
+
 /// Room for one tile that is not whole; aligned for streaming stores.
+#[derive(Clone)]
 #[repr(align(64))]
 struct SideColumns {
     columns: [[f64; TILE]; 4],

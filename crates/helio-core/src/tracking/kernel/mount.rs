@@ -14,7 +14,8 @@ pub(crate) type Constants = Columns<{ column::COUNT }>;
 pub(crate) struct Pose<L> {
     pub c1: L,
     pub c2: L,
-    pub sin_alpha: L,
+    /// cos(mu) sin(alpha).
+    pub sine: L,
     pub d2: L,
     /// c1² + c2².
     pub level_sq: L,
@@ -44,19 +45,18 @@ pub(crate) fn pose<L: Lanes>(constants: &Constants, lane: usize, n: [L; 3]) -> P
         L::load(constants, lane, column::TILT2),
         L::load(constants, lane, column::TILT_FACTOR),
     );
-    // sin(alpha) = (c3 - sin(tau1) sin(mu)) / (cos(tau1) cos(mu))                          (22)
-    let sin_alpha = c3.mul_add(
-        L::load(constants, lane, column::SINE_FACTOR),
-        L::load(constants, lane, column::SINE_SHIFT),
-    );
+    let tan_tau1 = L::load(constants, lane, column::TAN_TAU1);
+    let sec_tau1 = L::load(constants, lane, column::SEC_TAU1);
+    let sin_mu = L::load(constants, lane, column::SIN_MU);
+    // cos(mu) sin(alpha) = (c3 - sin(tau1) sin(mu)) / cos(tau1)                             (22)
+    let sine = tan_tau1.neg_mul_add(sin_mu, sec_tau1.mul(c3));
     // d2 = (sin(mu) - sin(tau1) c3) / cos(tau1)                                            (24)
-    let d2 = L::load(constants, lane, column::D2_FACTOR)
-        .neg_mul_add(c3, L::load(constants, lane, column::D2_SHIFT));
+    let d2 = tan_tau1.neg_mul_add(c3, sec_tau1.mul(sin_mu));
     let level_sq = c2.mul_add(c2, c1.mul(c1));
     Pose {
         c1,
         c2,
-        sin_alpha,
+        sine,
         d2,
         level_sq,
         d1_sq: d2.neg_mul_add(d2, level_sq),
@@ -72,8 +72,7 @@ impl<L: Lanes> Pose<L> {
         Reduced::full(cosine, sine, L::splat(1.0).div(self.level_sq))
     }
 
-    /// Encoder angles of both solutions, counted from the middles, not wrapped: direct and over the
-    /// top. Valid also on the edge of a blind cone, where the two meet, and face up on a perfect
+    /// Encoder angles of both solutions, not wrapped: direct and over the top. Valid also on the edge of a blind cone, where the two meet, and face up on a perfect
     /// mount, where axis 1 may be anything and is taken as its zero.
     #[inline(always)]
     pub fn both(&self, constants: &Constants, lane: usize) -> [[L; 2]; 2] {
@@ -88,7 +87,7 @@ impl<L: Lanes> Pose<L> {
         let shift2 = L::load(constants, lane, column::SHIFT2);
         let gamma = here.gamma(d1).angle().add(shift1);
         let over_gamma = here.gamma(zero.sub(d1)).angle().add(shift1);
-        let alpha = alpha(constants, lane, d1, self.sin_alpha).angle();
+        let alpha = alpha(constants, lane, d1, self.sine).angle();
         // Over the top alpha is the supplement, 180° - alpha.
         let over_alpha = L::splat(PI).sub(alpha).add(shift2);
         [
@@ -114,16 +113,10 @@ impl<L: Lanes> Pose<L> {
 /// c1² + c2² below which the normal counts as standing on the fixed axis.
 const MIN_LEVEL_SQ: f64 = 1e-280;
 
-/// alpha of the solution with d1 >= 0; d1 = cos(mu) cos(alpha).                                  (23)
+/// alpha of the solution with d1 >= 0; d1 = cos(mu) cos(alpha), `sine` as in [`Pose`].            (23)
 #[inline(always)]
-pub(crate) fn alpha<L: Lanes>(
-    constants: &Constants,
-    lane: usize,
-    d1: L,
-    sin_alpha: L,
-) -> Reduced<L> {
-    let factor = L::load(constants, lane, column::COSINE_FACTOR);
-    Reduced::half(d1.mul(factor), sin_alpha)
+pub(crate) fn alpha<L: Lanes>(constants: &Constants, lane: usize, d1: L, sine: L) -> Reduced<L> {
+    Reduced::half(d1, sine, L::load(constants, lane, column::SEC_MU))
 }
 
 /// The normal along the mount's axes for gamma and alpha, Guo 2015 eq. (29).
@@ -132,12 +125,15 @@ pub(crate) fn forward<L: Lanes>(constants: &Constants, lane: usize, angles: [L; 
     let (sin_gamma, cos_gamma) = sin_cos(angles[0]);
     let (sin_alpha, cos_alpha) = sin_cos(angles[1]);
     // (22)-(24) the other way
-    let c3 = sin_alpha
-        .sub(L::load(constants, lane, column::SINE_SHIFT))
-        .div(L::load(constants, lane, column::SINE_FACTOR));
-    let d1 = cos_alpha.div(L::load(constants, lane, column::COSINE_FACTOR).abs());
-    let d2 = L::load(constants, lane, column::D2_FACTOR)
-        .neg_mul_add(c3, L::load(constants, lane, column::D2_SHIFT));
+    let tan_tau1 = L::load(constants, lane, column::TAN_TAU1);
+    let sec_tau1 = L::load(constants, lane, column::SEC_TAU1);
+    let sin_mu = L::load(constants, lane, column::SIN_MU);
+    let sec_mu = L::load(constants, lane, column::SEC_MU).abs();
+    let c3 = tan_tau1
+        .mul_add(sin_mu, sin_alpha.div(sec_mu))
+        .div(sec_tau1);
+    let d1 = cos_alpha.div(sec_mu);
+    let d2 = tan_tau1.neg_mul_add(c3, sec_tau1.mul(sin_mu));
     let c1 = sin_gamma.neg_mul_add(d2, cos_gamma.mul(d1));
     let c2 = sin_gamma.mul_add(d1, cos_gamma.mul(d2));
     // the transpose of a tilt is the tilt the other way

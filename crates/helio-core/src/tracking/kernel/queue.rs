@@ -3,7 +3,7 @@
 use alloc::vec::Vec;
 
 use super::Rows;
-use super::limits::{AxisEnds, AxisRange, within_half_turn};
+use super::limits::{AxisEnds, AxisRange};
 use super::mount::pose;
 use super::normal::{MIN_COS_INCIDENCE, OffsetSource, Rays};
 use crate::lanes::math::Reduced;
@@ -39,6 +39,7 @@ pub(super) struct Entry {
 }
 
 /// Some rows, in blocks like the field's.
+#[derive(Clone)]
 pub(super) struct Queue {
     constants: Vec<Columns<{ column::COUNT }>>,
     own: Vec<Columns<{ own::COUNT }>>,
@@ -272,19 +273,18 @@ impl<L: Lanes> Choice<L> {
             .low
             .le(L::splat(f64::NEG_INFINITY))
             .and(infinite.le(ends[1].high));
-        let from_middle = [
-            within_half_turn(solution[0]),
-            L::select(unlimited2, solution[1], within_half_turn(solution[1])),
+        let home = [
+            ranges[0].window(solution[0]),
+            L::select(unlimited2, solution[1], ranges[1].window(solution[1])),
         ];
-        let excess1 = from_middle[0].abs().sub(ranges[0].reach);
-        let excess1 = L::select(free1, L::splat(-1.0), excess1);
-        let excess2 = from_middle[1].abs().sub(ranges[1].reach);
+        let excess1 = L::select(
+            free1,
+            L::splat(-1.0),
+            L::splat(0.0).sub(ranges[0].margin(home[0])),
+        );
+        let excess2 = L::splat(0.0).sub(ranges[1].margin(home[1]));
         let excess = excess1.max(excess2);
         let fits = excess.le(L::splat(0.0));
-        let home = [
-            from_middle[0].add(ranges[0].middle),
-            from_middle[1].add(ranges[1].middle),
-        ];
         // Where any will do the first axis stays, or moves no farther than into its limits.
         let stay = L::select(known[0], present[0], home[0]);
         let tolerance = L::splat(LIMIT_TOLERANCE_RAD);

@@ -5,41 +5,54 @@
 //! short loop over a tile of rows with its results in the nearest cache: the next rows then fill
 //! the gaps, and throughput, not latency, is what limits.
 
-use super::limits::{LimitSource, within_half_turn};
+use super::limits::LimitSource;
 use super::mount::{Constants, Pose, alpha, pose};
 use super::normal::{Bisector, OffsetSource, doubt};
 use super::{Job, Rows, SunSource};
 use crate::lanes::math::Reduced;
-use crate::lanes::{BLOCK, Lanes};
+use crate::lanes::{BLOCK, Lanes, prefetch};
 use crate::status::Status;
 use crate::tracking::prepared::{TILE, column};
 
 type Column = [f64; BLOCK];
 
-/// What the phases hand on, for one block of rows.
+/// What the phases hand on, for one block of rows: columns by [`slot`].
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
-struct Between {
-    cos_theta: Column,
-    sin_sq_theta: Column,
-    inverse_cos: Column,
-    k: Column,
-    normal: [Column; 3],
-    theta: [Column; 2],
-    c1: Column,
-    c2: Column,
-    d1: Column,
-    d2: Column,
-    sin_alpha: Column,
-    level_sq: Column,
-    doubt: Column,
-    gamma: [Column; 2],
-    alpha: [Column; 2],
+struct Between([Column; slot::COUNT]);
+
+/// Columns of [`Between`]. What a phase leaves takes the place of what it was the last to read: half
+/// the memory, and so less of the nearest cache.
+mod slot {
+    pub const COS_THETA: usize = 0;
+    pub const SIN_SQ_THETA: usize = 1;
+    pub const INVERSE_COS: usize = 2;
+    pub const K: usize = 3;
+    /// Two: base and component.
+    pub const THETA: usize = 4;
+    /// Three.
+    pub const NORMAL: usize = 6;
+
+    pub const C1: usize = NORMAL;
+    pub const C2: usize = NORMAL + 1;
+    pub const D2: usize = NORMAL + 2;
+    pub const SINE: usize = THETA;
+    pub const LEVEL_SQ: usize = THETA + 1;
+    pub const D1: usize = INVERSE_COS;
+    pub const DOUBT: usize = SIN_SQ_THETA;
+
+    /// Two: base and component.
+    pub const GAMMA: usize = C1;
+    /// Two: base and component.
+    pub const ALPHA: usize = SINE;
+
+    pub const COUNT: usize = 9;
 }
 
 const BLOCKS: usize = TILE / BLOCK;
 
 /// What the phases hand on, for a tile.
+#[derive(Clone)]
 pub(super) struct Tile {
     blocks: [Between; BLOCKS],
     /// A bit for each row that is plainly ok so far.
@@ -48,24 +61,7 @@ pub(super) struct Tile {
 
 impl Tile {
     pub fn new() -> Self {
-        const ZERO: Column = [0.0; BLOCK];
-        let zero = Between {
-            cos_theta: ZERO,
-            sin_sq_theta: ZERO,
-            inverse_cos: ZERO,
-            k: ZERO,
-            normal: [ZERO; 3],
-            theta: [ZERO; 2],
-            c1: ZERO,
-            c2: ZERO,
-            d1: ZERO,
-            d2: ZERO,
-            sin_alpha: ZERO,
-            level_sq: ZERO,
-            doubt: ZERO,
-            gamma: [ZERO; 2],
-            alpha: [ZERO; 2],
-        };
+        let zero = Between([[0.0; BLOCK]; slot::COUNT]);
         Self {
             blocks: [zero; BLOCKS],
             good: [0; BLOCKS],
@@ -86,10 +82,14 @@ impl<O: OffsetSource, M: LimitSource, S: SunSource> Job<'_, O, M, S> {
         let mut lane = 0;
         while lane < BLOCK {
             let bisector = self.offset.bisector(&self.rays::<L>(c, block, lane));
-            bisector.cos_theta.write(&mut t.cos_theta[lane..]);
-            bisector.sin_sq_theta.write(&mut t.sin_sq_theta[lane..]);
-            bisector.inverse_cos.write(&mut t.inverse_cos[lane..]);
-            bisector.first_k.write(&mut t.k[lane..]);
+            bisector.cos_theta.write(&mut t.0[slot::COS_THETA][lane..]);
+            bisector
+                .sin_sq_theta
+                .write(&mut t.0[slot::SIN_SQ_THETA][lane..]);
+            bisector
+                .inverse_cos
+                .write(&mut t.0[slot::INVERSE_COS][lane..]);
+            bisector.first_k.write(&mut t.0[slot::K][lane..]);
             lane += L::WIDTH;
         }
     }
@@ -106,21 +106,21 @@ impl<O: OffsetSource, M: LimitSource, S: SunSource> Job<'_, O, M, S> {
         let mut doubtful = 0;
         let mut lane = 0;
         while lane < BLOCK {
-            let gamma = Reduced::<L>::read(&t.gamma, lane).angle();
-            let alpha = Reduced::<L>::read(&t.alpha, lane).angle();
-            let mut doubt = L::read(&t.doubt[lane..]);
+            let gamma = Reduced::<L>::read(t, slot::GAMMA, lane).angle();
+            let alpha = Reduced::<L>::read(t, slot::ALPHA, lane).angle();
+            let mut doubt = L::read(&t.0[slot::DOUBT][lane..]);
             let range1 = self.limits.range::<L>(block, lane, 0);
-            let axis1 = within_half_turn(gamma.add(L::load(c, lane, column::SHIFT1)));
-            let mut axis2 = alpha.add(L::load(c, lane, column::SHIFT2));
+            let mut axis1 = gamma.add(L::load(c, lane, column::SHIFT1));
+            let axis2 = alpha.add(L::load(c, lane, column::SHIFT2));
             if M::LIMITED {
                 let range2 = self.limits.range::<L>(block, lane, 1);
-                doubt = doubt
-                    .or(range1.reach.sub(axis1.abs()))
-                    .or(range2.reach.sub(axis2.abs()));
-                axis2 = axis2.add(range2.middle);
+                axis1 = range1.nearest_turn(axis1);
+                doubt = doubt.or(range1.margin(axis1)).or(range2.margin(axis2));
+            } else {
+                axis1 = range1.window(axis1);
             }
             doubtful |= (doubt.sign_bits() as u8) << lane;
-            store::<L, STREAM>(axis1.add(range1.middle), &mut out1[lane..]);
+            store::<L, STREAM>(axis1, &mut out1[lane..]);
             store::<L, STREAM>(axis2, &mut out2[lane..]);
             lane += L::WIDTH;
         }
@@ -161,12 +161,15 @@ impl<O: OffsetSource, M: LimitSource, S: SunSource> Job<'_, O, M, S> {
                 let bisector = t.bisector::<L>(lane);
                 self.offset
                     .lean::<L, false>(ratio, &bisector)
-                    .write(&mut t.k[lane..]);
-                Reduced::acute(bisector.cos_theta, bisector.sin_sq_theta.sqrt())
-                    .write(&mut t.theta, lane);
+                    .write(&mut t.0[slot::K][lane..]);
+                Reduced::acute(bisector.cos_theta, bisector.sin_sq_theta.sqrt()).write(
+                    t,
+                    slot::THETA,
+                    lane,
+                );
                 lane += L::WIDTH;
             }
-            ahead::<L, _>(c, [4, 5, 6]);
+            ahead(c, [4, 5, 6]);
         }
         let incidences = out.incidence.chunks_exact_mut(BLOCK);
         let rows = constants.iter().zip(between.iter_mut()).zip(incidences);
@@ -174,61 +177,61 @@ impl<O: OffsetSource, M: LimitSource, S: SunSource> Job<'_, O, M, S> {
             let mut lane = 0;
             while lane < BLOCK {
                 let rays = self.rays::<L>(c, first + index, lane);
-                let k = L::read(&t.k[lane..]);
+                let k = L::read(&t.0[slot::K][lane..]);
                 let normal = self.offset.normal::<L, false>(&rays, &t.bisector(lane), k);
-                for (component, column) in normal.n.into_iter().zip(&mut t.normal) {
+                for (component, column) in normal.n.into_iter().zip(&mut t.0[slot::NORMAL..]) {
                     component.write(&mut column[lane..]);
                 }
-                let theta = Reduced::<L>::read(&t.theta, lane).angle();
+                let theta = Reduced::<L>::read(t, slot::THETA, lane).angle();
                 store::<L, STREAM>(theta, &mut incidence[lane..]);
                 lane += L::WIDTH;
             }
-            ahead::<L, _>(c, [7, 8]);
+            ahead(c, [7, 8]);
         }
         for (index, (c, t)) in constants.iter().zip(between.iter_mut()).enumerate() {
             let mut lane = 0;
             while lane < BLOCK {
-                let [n1, n2, n3] = &t.normal;
                 let n = [
-                    L::read(&n1[lane..]),
-                    L::read(&n2[lane..]),
-                    L::read(&n3[lane..]),
+                    L::read(&t.0[slot::NORMAL][lane..]),
+                    L::read(&t.0[slot::NORMAL + 1][lane..]),
+                    L::read(&t.0[slot::NORMAL + 2][lane..]),
                 ];
                 let pose = pose::<L>(c, lane, n);
                 // A factor with the sign bit set marks a row that is never for this path.
-                let marked = L::load(c, lane, column::COSINE_FACTOR);
-                let doubt = doubt(L::read(&t.cos_theta[lane..]))
+                let marked = L::load(c, lane, column::SEC_MU);
+                let doubt = doubt(L::read(&t.0[slot::COS_THETA][lane..]))
                     .or(pose.doubt())
                     .or(marked);
-                pose.c1.write(&mut t.c1[lane..]);
-                pose.c2.write(&mut t.c2[lane..]);
-                pose.d2.write(&mut t.d2[lane..]);
-                pose.sin_alpha.write(&mut t.sin_alpha[lane..]);
-                pose.level_sq.write(&mut t.level_sq[lane..]);
-                pose.d1_sq.sqrt().write(&mut t.d1[lane..]);
-                doubt.write(&mut t.doubt[lane..]);
+                pose.c1.write(&mut t.0[slot::C1][lane..]);
+                pose.c2.write(&mut t.0[slot::C2][lane..]);
+                pose.d2.write(&mut t.0[slot::D2][lane..]);
+                pose.sine.write(&mut t.0[slot::SINE][lane..]);
+                pose.level_sq.write(&mut t.0[slot::LEVEL_SQ][lane..]);
+                pose.d1_sq.sqrt().write(&mut t.0[slot::D1][lane..]);
+                doubt.write(&mut t.0[slot::DOUBT][lane..]);
                 lane += L::WIDTH;
             }
-            ahead::<L, _>(c, [9, 10, 11]);
-            self.limits.prefetch::<L>(first + index + BLOCKS);
+            ahead(c, [9, 10]);
+            self.limits.prefetch(first + index + BLOCKS);
         }
         for (c, t) in constants.iter().zip(between.iter_mut()) {
             let mut lane = 0;
             while lane < BLOCK {
-                let d1 = L::read(&t.d1[lane..]);
+                let d1 = L::read(&t.0[slot::D1][lane..]);
                 let pose = Pose {
-                    c1: L::read(&t.c1[lane..]),
-                    c2: L::read(&t.c2[lane..]),
-                    d2: L::read(&t.d2[lane..]),
-                    level_sq: L::read(&t.level_sq[lane..]),
-                    sin_alpha: L::read(&t.sin_alpha[lane..]),
+                    c1: L::read(&t.0[slot::C1][lane..]),
+                    c2: L::read(&t.0[slot::C2][lane..]),
+                    d2: L::read(&t.0[slot::D2][lane..]),
+                    level_sq: L::read(&t.0[slot::LEVEL_SQ][lane..]),
+                    sine: L::read(&t.0[slot::SINE][lane..]),
                     d1_sq: L::splat(0.0),
                 };
-                pose.gamma(d1).write(&mut t.gamma, lane);
-                alpha(c, lane, d1, pose.sin_alpha).write(&mut t.alpha, lane);
+                let gamma = pose.gamma(d1);
+                alpha(c, lane, d1, pose.sine).write(t, slot::ALPHA, lane);
+                gamma.write(t, slot::GAMMA, lane);
                 lane += L::WIDTH;
             }
-            ahead::<L, _>(c, [12, 13]);
+            ahead(c, [11, 12]);
         }
         let axes = out
             .axis1
@@ -246,7 +249,7 @@ impl<O: OffsetSource, M: LimitSource, S: SunSource> Job<'_, O, M, S> {
         {
             *good = self.close_block::<L, STREAM>(c, first + index, t, [out1, out2]);
             self.open_block::<L>(next, first + blocks + index, t);
-            ahead_of::<L>(next);
+            ahead_of(next);
         }
         for (index, (((c, t), good), (out1, out2))) in rows.enumerate() {
             let block = first + both + index;
@@ -258,44 +261,44 @@ impl<O: OffsetSource, M: LimitSource, S: SunSource> Job<'_, O, M, S> {
 
 /// Asks for columns of the same rows of the next tile: a few cache lines in each loop, all in all.
 #[inline(always)]
-fn ahead<L: Lanes, const N: usize>(constants: &Constants, columns: [usize; N]) {
+fn ahead<const N: usize>(constants: &Constants, columns: [usize; N]) {
     let mut index = 0;
     while index < N {
-        L::prefetch(constants, BLOCKS, columns[index]);
+        prefetch(constants, BLOCKS, columns[index]);
         index += 1;
     }
 }
 
 /// Asks for what [`Job::open_block`] will read of the tile after the next.
 #[inline(always)]
-fn ahead_of<L: Lanes>(next: &Constants) {
-    ahead::<L, _>(next, [0, 1, 2, 3]);
+fn ahead_of(next: &Constants) {
+    ahead(next, [0, 1, 2, 3]);
 }
 
 impl Between {
     #[inline(always)]
     fn bisector<L: Lanes>(&self, lane: usize) -> Bisector<L> {
         Bisector {
-            cos_theta: L::read(&self.cos_theta[lane..]),
-            sin_sq_theta: L::read(&self.sin_sq_theta[lane..]),
-            inverse_cos: L::read(&self.inverse_cos[lane..]),
-            first_k: L::read(&self.k[lane..]),
+            cos_theta: L::read(&self.0[slot::COS_THETA][lane..]),
+            sin_sq_theta: L::read(&self.0[slot::SIN_SQ_THETA][lane..]),
+            inverse_cos: L::read(&self.0[slot::INVERSE_COS][lane..]),
+            first_k: L::read(&self.0[slot::K][lane..]),
         }
     }
 }
 
 impl<L: Lanes> Reduced<L> {
     #[inline(always)]
-    fn write(self, columns: &mut [Column; 2], lane: usize) {
-        self.base.write(&mut columns[0][lane..]);
-        self.component.write(&mut columns[1][lane..]);
+    fn write(self, between: &mut Between, first: usize, lane: usize) {
+        self.base.write(&mut between.0[first][lane..]);
+        self.component.write(&mut between.0[first + 1][lane..]);
     }
 
     #[inline(always)]
-    fn read(columns: &[Column; 2], lane: usize) -> Self {
+    fn read(between: &Between, first: usize, lane: usize) -> Self {
         Self {
-            base: L::read(&columns[0][lane..]),
-            component: L::read(&columns[1][lane..]),
+            base: L::read(&between.0[first][lane..]),
+            component: L::read(&between.0[first + 1][lane..]),
         }
     }
 }
