@@ -341,7 +341,7 @@ fn epoch(
         beam_rms_mrad: set.beam_rms_mrad.0,
         verdict: verdict_of(set),
         words: match set.status.as_str() {
-            OK => set.weakness.clone(),
+            OK if set.why.is_empty() => set.weakness.clone(),
             _ => set.why.clone(),
         },
         year_pointing_mrad: Some(set.year_pointing_mrad.0).filter(|mrad| mrad.is_finite()),

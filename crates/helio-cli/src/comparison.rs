@@ -2,64 +2,132 @@
 
 use helio_calib::{Mount, Parameter, Parameters, pointing_sigma_mrad};
 use helio_core::angle::wrap_pi;
-use helio_core::{Enu, EnuUnit};
-use helio_io::CalibratedSet;
+use helio_core::{EnuUnit, Heliostat};
+use helio_io::{CalibratedSet, CalibrationSchedule};
 
-/// What changed between two sets of one heliostat.
+/// What changed between two calibrations of one heliostat.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Change {
-    /// RMS over suns of how far apart the beams are that both sets predict \[mrad\].
+    /// RMS over suns of how far apart the beams are that both calibrations predict \[mrad\].
     pub(crate) beam_mrad: f64,
-    /// Chi-square of the difference against both covariances and its degrees of freedom.
+    /// Chi-square of the difference against both covariances and its degrees of freedom, of the two
+    /// sets that differ most surely among those that hold at the same hours.
     pub(crate) chi_square: Option<(f64, usize)>,
+    /// How many pairs of sets hold at the same hours.
+    pub(crate) pairs: usize,
 }
 
-/// Chi-square that chance exceeds in one of twenty, by degrees of freedom 1 to 7.
-const BY_CHANCE: [f64; 7] = [3.841, 5.991, 7.815, 9.488, 11.070, 12.592, 14.067];
+/// Chi-square that chance exceeds in one case of twenty, by degrees of freedom 1 to 7: of one pair of sets, and the
+/// greatest of 2 to 8 pairs (Bonferroni).
+#[rustfmt::skip]
+const BY_CHANCE: [[f64; 7]; 8] = [
+    [3.841, 5.991, 7.815, 9.488, 11.070, 12.592, 14.067],
+    [5.024, 7.378, 9.348, 11.143, 12.833, 14.449, 16.013],
+    [5.731, 8.189, 10.236, 12.094, 13.839, 15.506, 17.115],
+    [6.239, 8.764, 10.861, 12.762, 14.544, 16.245, 17.885],
+    [6.635, 9.210, 11.345, 13.277, 15.086, 16.812, 18.475],
+    [6.960, 9.575, 11.739, 13.695, 15.527, 17.272, 18.954],
+    [7.237, 9.883, 12.071, 14.048, 15.898, 17.659, 19.356],
+    [7.477, 10.150, 12.359, 14.353, 16.217, 17.993, 19.702],
+];
 
 impl Change {
     /// True if chance would hardly make such a difference; `None` where no covariance tells.
     pub(crate) fn is_significant(&self) -> Option<bool> {
         let (chi_square, freedom) = self.chi_square?;
-        Some(chi_square > *BY_CHANCE.get(freedom.checked_sub(1)?)?)
+        Some(chi_square > by_chance(self.pairs, freedom)?)
     }
 
-    /// The difference of two sets with errors, as seen over some suns by a heliostat that aims somewhere.
+    /// What the axes are told at some suns (each with its hour angle \[rad\]) by the latest sets of two
+    /// calibrations of a heliostat. Nothing where either has no errors.
     pub(crate) fn between(
-        old: &CalibratedSet,
-        new: &CalibratedSet,
+        old: &[&CalibratedSet],
+        new: &[&CalibratedSet],
+        heliostat: &Heliostat,
         mount: &Mount,
-        suns: &[EnuUnit],
-        aim: Enu,
+        suns: &[(EnuUnit, f64)],
+        blend_rad: f64,
     ) -> Option<Self> {
-        let of = |set: &CalibratedSet| {
-            let offset_m = set.mirror_offset_m.unwrap_or(mount.mirror_offset_m);
-            Some(Parameters::new(set.errors.as_ref()?, offset_m))
-        };
-        let (before, after) = (of(old)?, of(new)?);
-        let mut step = [0.0; 7];
-        for (k, value) in step.iter_mut().enumerate() {
-            *value = after.values[k] - before.values[k];
-            let reference = [Parameter::AzimuthReference, Parameter::ElevationReference];
-            if reference.iter().any(|&p| p as usize == k) {
-                *value = wrap_pi(*value);
+        let known = |sets: &[&CalibratedSet]| sets.iter().any(|set| set.errors.is_some());
+        if !(known(old) && known(new)) {
+            return None;
+        }
+        let sets = [old.to_vec(), new.to_vec()];
+        let schedule = CalibrationSchedule::of_sets(vec![*heliostat; 2], &sets, blend_rad);
+        let mut squares = Vec::with_capacity(suns.len());
+        let mut pairs: Vec<[&str; 2]> = Vec::new();
+        for &(sun, hour_rad) in suns {
+            let [before, after] = [0, 1].map(|row| {
+                let told = schedule.heliostat_at(row, None, hour_rad);
+                Parameters::new(&told.errors, told.mirror_offset_m)
+            });
+            let step = step(&before, &after);
+            // What moves the beams by a known step is the uncertainty of rank one that it would be.
+            let outer = step.map(|a| step.map(|b| a * b));
+            if let Some(mrad) = pointing_sigma_mrad(mount, &after, &outer, sun, heliostat.aim) {
+                squares.push(mrad * mrad);
+            }
+            let holding = [0, 1].map(|row| schedule.set_at(row, None, hour_rad));
+            if let [Some(one), Some(other)] = holding {
+                // Mostly those of the sun before, by the same names in memory.
+                let is_last = |[before, after]: &[&str; 2]| {
+                    std::ptr::eq(*before, one) && std::ptr::eq(*after, other)
+                };
+                if !pairs.last().is_some_and(is_last) && !pairs.contains(&[one, other]) {
+                    pairs.push([one, other]);
+                }
             }
         }
-        // What moves the beams by a known step is the uncertainty of rank one that it would be.
-        let outer = step.map(|a| step.map(|b| a * b));
-        let squares: Vec<f64> = suns
+        let surely = |(chi_square, freedom): (f64, usize)| {
+            chi_square / by_chance(pairs.len(), freedom).unwrap_or(f64::INFINITY)
+        };
+        let chi_square = pairs
             .iter()
-            .filter_map(|&sun| pointing_sigma_mrad(mount, &after, &outer, sun, aim))
-            .map(|mrad| mrad * mrad)
-            .collect();
-        let spread = |set: &CalibratedSet| set.covariance.unwrap_or([[0.0; 7]; 7]);
-        let (one, other) = (spread(old), spread(new));
-        let sum = std::array::from_fn(|a| std::array::from_fn(|b| one[a][b] + other[a][b]));
+            .filter_map(|[one, other]| {
+                let (before, one) = named(old, one, heliostat)?;
+                let (after, other) = named(new, other, heliostat)?;
+                let sum = std::array::from_fn(|a| std::array::from_fn(|b| one[a][b] + other[a][b]));
+                chi_square(&step(&before, &after), &sum)
+            })
+            .max_by(|&a, &b| surely(a).total_cmp(&surely(b)));
         Some(Self {
             beam_mrad: (squares.iter().sum::<f64>() / squares.len() as f64).sqrt(),
-            chi_square: chi_square(&step, &sum),
+            chi_square,
+            pairs: pairs.len(),
         })
     }
+}
+
+fn by_chance(pairs: usize, freedom: usize) -> Option<f64> {
+    let row = &BY_CHANCE[pairs.clamp(1, BY_CHANCE.len()) - 1];
+    row.get(freedom.checked_sub(1)?).copied()
+}
+
+/// The parameters of a set and their covariance, zero where it has none.
+fn named(
+    sets: &[&CalibratedSet],
+    name: &str,
+    heliostat: &Heliostat,
+) -> Option<(Parameters, [[f64; 7]; 7])> {
+    let set = sets
+        .iter()
+        .find(|set| set.set == name && set.errors.is_some())?;
+    let offset_m = set.mirror_offset_m.unwrap_or(heliostat.mirror_offset_m);
+    let parameters = Parameters::new(set.errors.as_ref()?, offset_m);
+    Some((parameters, set.covariance.unwrap_or([[0.0; 7]; 7])))
+}
+
+/// From some parameters to others, the references the short way round.
+fn step(before: &Parameters, after: &Parameters) -> [f64; 7] {
+    let references = [Parameter::AzimuthReference, Parameter::ElevationReference];
+    std::array::from_fn(|k| {
+        let step = after.values[k] - before.values[k];
+        if references.iter().any(|&reference| reference as usize == k) {
+            wrap_pi(step)
+        } else {
+            step
+        }
+    })
 }
 
 /// δᵀ C⁺ δ over the parameters that have a variance, by Cholesky with pivoting of the correlation matrix;

@@ -287,7 +287,7 @@ fn an_earlier_calibration_is_compared() {
     again.good();
     let said = again.stderr();
     assert!(
-        said.contains("3 sets have an earlier one, 0 of them changed significantly"),
+        said.contains("3 heliostats have an earlier calibration, 0 of them changed significantly"),
         "{said}"
     );
     assert!(
@@ -309,6 +309,100 @@ fn an_earlier_calibration_is_compared() {
     other.good();
     let said = other.stderr();
     assert!(said.contains("3 of them changed significantly"), "{said}");
+}
+
+/// Sets are compared by what they tell the axes at each hour, however many there are on either side.
+#[test]
+fn an_earlier_calibration_of_another_number_of_sets_is_compared() {
+    let folder = seen(&["--count", "80"]);
+    calibrate(&folder, &["--out", "new.csv"]).good();
+    // The same all day, and the same in the morning only: after noon the second axis 2 mrad off.
+    let off_deg = 0.002_f64.to_degrees();
+    let two = |off_deg: f64| {
+        let names = [
+            "pedestal_tilt_deg",
+            "pedestal_tilt_azimuth_deg",
+            "axis_nonorthogonality_deg",
+            "mirror_tilt_deg",
+            "azimuth_reference_deg",
+        ];
+        let mut table = format!(
+            "id,set,{},elevation_reference_deg,hour_angle_from_deg,hour_angle_to_deg,covariance\n",
+            names.join(",")
+        );
+        for row in rows(&folder.read("new.csv")) {
+            let same: Vec<&str> = names.iter().map(|name| row[*name].as_str()).collect();
+            let reference_deg = number(&row, "elevation_reference_deg");
+            for (set, add, from, to) in [("one", 0.0, "", "0"), ("other", off_deg, "0", "")] {
+                let (id, same) = (row["id"].replace('"', ""), same.join(","));
+                let (reference_deg, spread) = (reference_deg + add, &row["covariance"]);
+                table += &format!("\"{id}\",{set},{same},{reference_deg},{from},{to},{spread}\n");
+            }
+        }
+        table
+    };
+    folder.write("old.csv", two(off_deg));
+    let run = calibrate(&folder, &["--out", "again.csv", "--compare", "old.csv"]);
+    run.good();
+    let said = run.stderr();
+    assert!(
+        said.contains("3 heliostats have an earlier calibration, 3 of them changed significantly"),
+        "{said}"
+    );
+    assert!(said.contains("the greatest of 2 pairs of sets"), "{said}");
+    // The same by tracking with the one and following the beams with the other.
+    let mut suns = "azimuth_deg,elevation_deg\n".to_owned();
+    let (sin, cos) = 37.4_f64.to_radians().sin_cos();
+    for step in 0..24 * 96 {
+        let ecliptic = f64::from(step / 96 * 15).to_radians();
+        let up = 23.436_f64.to_radians().sin() * ecliptic.sin();
+        let across = (1.0 - up * up).sqrt();
+        let hour = (f64::from(step % 96) * 3.75 - 180.0).to_radians();
+        let height = up * sin + across * cos * hour.cos();
+        if height >= 10.0_f64.to_radians().sin() {
+            let north = up * cos - across * sin * hour.cos();
+            let azimuth = (-across * hour.sin()).atan2(north).to_degrees();
+            let elevation = height.asin().to_degrees();
+            suns += &format!("{},{elevation}\n", azimuth.rem_euclid(360.0));
+        }
+    }
+    folder.write("suns.csv", suns);
+    let calibrated =
+        |by: &str| folder.write("field.toml", format!("{FIELD}calibration = \"{by}\"\n"));
+    calibrated("new.csv");
+    let args = ["--suns", "suns.csv", "--out", "angles.csv"];
+    assert!(folder.track(&args).code() <= 1);
+    calibrated("old.csv");
+    let args = ["predict", "--field", "field.toml", "--angles", "angles.csv"];
+    let predicted = rows(&folder.run(&args).stdout());
+    folder.write("field.toml", FIELD);
+    for id in ["A1", "A2", "B, 3"] {
+        let squares: Vec<f64> = predicted
+            .iter()
+            .filter(|row| row["id"] == id && row["status"] == "ok")
+            .map(|row| number(row, "beam_error_mrad").powi(2))
+            .collect();
+        assert!(squares.len() > 800, "{}", squares.len());
+        let wanted = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
+        let begin = format!("{id}: changed by ");
+        let line = said.lines().find_map(|line| line.strip_prefix(&begin));
+        let words = line.unwrap().split_whitespace().next();
+        let mrad: f64 = words.unwrap().parse().unwrap();
+        assert!((mrad / wanted - 1.0).abs() < 0.01, "{id}: {mrad} {wanted}");
+        assert!((2.0..3.0).contains(&mrad), "{id}: {mrad}");
+    }
+    // Cut in two but the same: nothing has changed. And the other way round.
+    folder.write("old.csv", two(0.0));
+    let same = calibrate(&folder, &["--out", "again.csv", "--compare", "old.csv"]).stderr();
+    assert!(same.contains("B, 3: changed by 0.000 mrad"), "{same}");
+    let args = ["--sets", "2", "--out", "sets.csv", "--compare", "new.csv"];
+    let run = calibrate(&folder, &args);
+    run.good();
+    let said = run.stderr();
+    assert!(
+        said.contains("3 heliostats have an earlier calibration, 0 of them changed significantly"),
+        "{said}"
+    );
 }
 
 #[test]
@@ -367,6 +461,101 @@ fn sets_over_the_day_are_written_as_tracking_reads_them() {
     let run = calibrate(&folder, &["--sets", "auto", "--out", "c.csv"]);
     run.good();
     assert!(rows(&folder.read("c.csv")).len() <= 4, "{}", run.stderr());
+}
+
+/// A set that its own records do not determine is not used; in its hours the common set holds.
+#[test]
+fn a_set_over_the_day_passes_the_gate_or_the_common_one_holds() {
+    let noise = ["--noise-mrad", "2", "--seed", "3", "--random-errors"];
+    let folder = Folder::new();
+    let campaign = |hours: &str, more: &[&str]| -> String {
+        let args = ["--hours", hours, "--out", "part.csv"];
+        simulate(&folder, &[&args, &noise[..], more].concat());
+        folder.read("part.csv")
+    };
+    let morning = campaign("5-12", &["--count", "120"]);
+    let noon = campaign("13-14", &["--count", "4", "--days", "1"]);
+    let (_, noon) = noon.split_once('\n').unwrap();
+    folder.write("seen.csv", format!("{morning}{noon}"));
+    calibrate(&folder, &["--out", "one.csv"]).good();
+    let args = ["--sets", "2", "--out", "two.csv", "--report", "page.html"];
+    let run = calibrate(&folder, &args);
+    run.good();
+    let (one, two) = (rows(&folder.read("one.csv")), rows(&folder.read("two.csv")));
+    let said = "the common set holds: its own records leave the beam uncertain by ";
+    let mut refused = 0;
+    for common in &one {
+        let id = &common["id"];
+        let sets: Vec<_> = two.iter().filter(|set| &set["id"] == id).collect();
+        for set in &sets {
+            assert_eq!(set["status"], "ok");
+            // No set is called better known than the one that it departs from.
+            let (own, whole) = (
+                number(set, "year_pointing_mrad"),
+                number(common, "year_pointing_mrad"),
+            );
+            assert!((whole..=2.0).contains(&own), "{id}: {own} {whole}");
+        }
+        let Some(afternoon) = sets.iter().find(|set| set["set"] == "afternoon") else {
+            continue;
+        };
+        assert_eq!(afternoon["hour_angle_from_deg"], "0.0");
+        if afternoon["why"].is_empty() {
+            continue;
+        }
+        refused += 1;
+        assert!(afternoon["why"].starts_with(said), "{}", afternoon["why"]);
+        let line = format!("{id}: set afternoon: {said}");
+        assert!(run.stderr().contains(&line), "{}", run.stderr());
+        for name in [
+            "pedestal_tilt_deg",
+            "mirror_tilt_deg",
+            "azimuth_reference_deg",
+        ] {
+            assert_eq!(afternoon[name], common[name], "{id}: {name}");
+        }
+    }
+    assert!(refused > 0, "{}", run.stderr());
+    assert!(folder.read("page.html").contains(said));
+    // No records at all of an afternoon: its hours have a set nevertheless.
+    folder.write("seen.csv", morning);
+    let run = calibrate(&folder, &["--sets", "2", "--out", "two.csv"]);
+    run.good();
+    for row in rows(&folder.read("two.csv")) {
+        let empty = row["set"] == "afternoon" && row["observations"] == "0";
+        assert_eq!(
+            row["why"].contains("no records of these hours"),
+            empty,
+            "{row:?}"
+        );
+    }
+}
+
+/// A prior weighs as it says beside the noise of the records, stated or not.
+#[test]
+fn a_prior_needs_no_stated_noise() {
+    let folder = seen(&["--count", "40"]);
+    let prior = ["--prior", "mirror_tilt=1:0.2"];
+    let stated = rows(&calibrate(&folder, &prior).good());
+    let free = rows(&calibrate(&folder, &[]).good());
+    let bare: String = folder
+        .read("seen.csv")
+        .lines()
+        .map(|line| format!("{}\n", line.rsplit_once(',').unwrap().0))
+        .collect();
+    assert!(!bare.contains("sigma_m"));
+    folder.write("seen.csv", bare);
+    let run = calibrate(&folder, &prior);
+    for ((bare, stated), free) in rows(&run.good()).iter().zip(&stated).zip(&free) {
+        let [bare, stated, free] = [bare, stated, free].map(|row| number(row, "mirror_tilt_deg"));
+        // Half-way in between; the noise is known to a tenth, so its weight to a fifth.
+        let way = (stated - free) / (1.0 - free);
+        assert!((0.2..0.8).contains(&way), "{way}");
+        let other = (bare - free) / (1.0 - free);
+        assert!((other / way - 1.0).abs() < 0.2, "{other} {way}");
+    }
+    let note = "note: --prior without sigma_m: ";
+    assert!(run.stderr().contains(note), "{}", run.stderr());
 }
 
 #[test]
@@ -545,7 +734,7 @@ fn begun(folder: &Folder, more: &[&str]) -> std::process::Child {
 #[test]
 fn a_killed_run_goes_on_to_the_same_bytes() {
     let folder = long();
-    let reports = ["--rejected", "rejected.csv"];
+    let reports = ["--rejected", "rejected.csv", "--report", "page.html"];
     let whole = calibrate(
         &folder,
         &[&["--out", "whole.csv", "--rejected", "all-rejected.csv"][..]].concat(),
@@ -558,7 +747,7 @@ fn a_killed_run_goes_on_to_the_same_bytes() {
     child.wait().unwrap();
     let first = lines_of_part(&folder);
     assert!(first >= 3 && !folder.path().join("c.csv").exists());
-    let mut child = begun(&folder, &["--resume", "--rejected", "rejected.csv"]);
+    let mut child = begun(&folder, &[&["--resume"], &reports[..]].concat());
     child.kill().unwrap();
     child.wait().unwrap();
     let second = lines_of_part(&folder);
@@ -575,7 +764,7 @@ fn a_killed_run_goes_on_to_the_same_bytes() {
     assert!(refused(&[]).contains("--resume goes on from there"));
     let other = refused(&["--resume", "--solver", "gauss-newton"]);
     assert!(
-        other.contains("other inputs, options or another version"),
+        other.contains("other inputs, options or another build"),
         "{other}"
     );
     let seen = folder.read("seen.csv");
@@ -598,7 +787,68 @@ fn a_killed_run_goes_on_to_the_same_bytes() {
     assert!(run.stderr().contains(&said), "{said}: {}", run.stderr());
     assert!(folder.read("c.csv") == folder.read("whole.csv"));
     assert!(folder.read("rejected.csv") == folder.read("all-rejected.csv"));
-    assert!(!folder.path().join("c.csv.part").exists());
+    // What the kills left of the page is gone too.
+    let left = |folder: &Folder| -> Vec<_> {
+        let names = folder.contents().into_keys();
+        names
+            .filter(|path| path.extension().is_some_and(|suffix| suffix == "part"))
+            .collect()
+    };
+    assert_eq!(left(&folder), Vec::<std::path::PathBuf>::new());
+
+    // Two runs at once on different outputs do not disturb each other.
+    let mut one = begun(&folder, &reports);
+    let args = [
+        "--out",
+        "d.csv",
+        "--report",
+        "other.html",
+        "--rejected",
+        "r.csv",
+    ];
+    let beside = calibrate(&folder, &args);
+    assert_eq!(beside.code(), whole.code(), "{}", beside.stderr());
+    assert_eq!(one.wait().unwrap().code(), Some(whole.code()));
+    for name in ["c.csv", "d.csv"] {
+        assert!(folder.read(name) == folder.read("whole.csv"), "{name}");
+    }
+    for name in ["rejected.csv", "r.csv"] {
+        assert!(
+            folder.read(name) == folder.read("all-rejected.csv"),
+            "{name}"
+        );
+    }
+    assert!(folder.read("page.html").ends_with("</html>\n"));
+    assert!(folder.read("other.html").ends_with("</html>\n"));
+    assert_eq!(left(&folder), Vec::<std::path::PathBuf>::new());
+}
+
+/// Another build of the same version may differ in the last digit: what it has finished is not mixed in.
+#[cfg(unix)]
+#[test]
+fn another_build_does_not_go_on() {
+    let folder = long();
+    let mut child = begun(&folder, &[]);
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let part = folder.read("c.csv.part");
+    // The same program with a byte more, which no loader looks at.
+    let mut program = std::fs::read(env!("CARGO_BIN_EXE_helio-rs")).unwrap();
+    program.push(0);
+    let other = folder.path().join("other-build");
+    std::fs::copy(env!("CARGO_BIN_EXE_helio-rs"), &other).unwrap();
+    std::fs::write(&other, program).unwrap();
+    let resume = [CALIBRATE, &["--out", "c.csv", "--resume"]].concat();
+    let run = std::process::Command::new(&other)
+        .args(&resume)
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    let said = String::from_utf8(run.stderr).unwrap();
+    assert_eq!(run.status.code(), Some(2), "{said}");
+    assert!(said.contains("another build"), "{said}");
+    assert_eq!(folder.read("c.csv.part"), part);
+    assert!(folder.run(&resume).code() <= 1);
 }
 
 #[cfg(unix)]

@@ -636,6 +636,11 @@ const SEEN: &str = "heliostat_id,time,axis1_deg,axis2_deg,target,u_m,v_m,sigma_m
                     A1,2026-06-21T12:00:00Z,170,40,receiver,0.5,-0.2,0.02\n\
                     A2,2026-06-21T12:00:00Z,171,41,receiver,0.1,0.2,0.02\n";
 
+/// A spot by its components and as a point: on line 2 the same to a millimetre, on line 3 not.
+const TWICE: &str = "id,time,axis1_deg,axis2_deg,u_m,v_m,spot_east_m,spot_north_m,spot_up_m\n\
+                     A1,2026-06-21T12:00:00Z,170,40,0.5,-0.2,-0.5,0.057,120.192\n\
+                     A2,2026-06-21T12:00:00Z,171,41,0.1,0.2,0.3,-0.057,119.808\n";
+
 /// `calibrate` with these arguments and good observations.
 fn calibrate<'a>(what: &'a str, more: &[&'a str]) -> Case<'a> {
     let args = [
@@ -681,6 +686,11 @@ fn observations() {
             observed("a time without an offset", "12:00:00Z", "12:00:00"),
             observed("a ragged row", ",0.2,0.02", ",0.2"),
             observed("a sigma of zero", "0.02", "0"),
+            calibrate("a sigma for some only", &[]).and(
+                "seen.csv",
+                format!("{SEEN}A1,2026-06-21T13:00:00Z,175,40,receiver,0.5,-0.2,\n"),
+            ),
+            calibrate("two spots that differ", &[]).and("seen.csv", TWICE),
             observed("a column too many", "sigma_m", "noise"),
             observed("a column too few", "axis2_deg", "record_id"),
             observed("sun azimuths from south", "time", "sun_azimuth_south_deg"),
@@ -733,6 +743,42 @@ fn calibration_options() {
                 "one file for two",
                 &["--out", "c.csv", "--rejected", "c.csv"],
             ),
+            // These are refused before anything is fitted; the observations are too few for that.
+            calibrate("an output in no folder", &["--out", "no/c.csv"]),
+            calibrate(
+                "an output that is a folder",
+                &["--out", ".", "--format", "csv"],
+            ),
+            calibrate("rejected records in no folder", &["--rejected", "no/r.csv"]),
+            calibrate("rejected records for a folder", &["--rejected", "."]),
+            calibrate(
+                "rejected records of another kind",
+                &["--rejected", "r.xlsx"],
+            ),
+            calibrate(
+                "a plan in no folder",
+                &[
+                    "--plan",
+                    "3",
+                    "--plan-date",
+                    "2026-06-21",
+                    "--plan-out",
+                    "no/p.csv",
+                ],
+            ),
+            calibrate(
+                "a plan for a folder",
+                &[
+                    "--plan",
+                    "3",
+                    "--plan-date",
+                    "2026-06-21",
+                    "--plan-out",
+                    ".",
+                ],
+            ),
+            calibrate("a report in no folder", &["--report", "no/page.html"]),
+            calibrate("a report below a file", &["--report", "seen.csv/page.html"]),
             calibrate("observations replaced", &["--out", "seen.csv"]),
             calibrate("the field replaced", &["--rejected", "heliostats.csv"]),
             calibrate("an unknown suffix", &["--out", "c.xlsx"]),
@@ -745,6 +791,21 @@ fn calibration_options() {
             calibrate(
                 "an earlier calibration that is none",
                 &["--compare", "seen.csv"],
+            ),
+            calibrate(
+                "an earlier calibration by the hour without a place",
+                &["--compare", "old.csv"],
+            )
+            .and(
+                "field.toml",
+                FIELD
+                    .split_once("[targets")
+                    .map_or("", |(_, rest)| rest)
+                    .replacen(".receiver", "[targets.receiver", 1),
+            )
+            .and(
+                "old.csv",
+                "id,set,mirror_tilt_deg,hour_angle_to_deg\nA1,morning,0.1,0\n",
             ),
             calibrate("finished parts of something else", &["--out", "c.csv"])
                 .and("c.csv.part", "id,set\n"),

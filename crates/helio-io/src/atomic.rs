@@ -1,6 +1,7 @@
 //! Files that appear whole or not at all.
 
-use std::fs::File;
+use std::ffi::{OsStr, OsString};
+use std::fs::{File, TryLockError};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
@@ -13,6 +14,10 @@ use crate::error::IoError;
 /// A file being written under a temporary name beside its own, renamed into place by
 /// [`finish`](Self::finish). Dropped before that, it leaves nothing behind and whatever stood in
 /// its place stays as it was.
+///
+/// A process that is killed cannot clear up: what it leaves (`.helio-NAME-XXXXXX.part`) is removed by the next
+/// file begun for the same place. A temporary file is locked for as long as its process writes it, so
+/// that another process at work on the same place is not disturbed; the last to finish is then what stands there.
 ///
 /// A place that is no regular file, such as a pipe or `/dev/null`, is written to directly; a
 /// symbolic link is followed, so that the file it points to is replaced.
@@ -69,6 +74,49 @@ enum Target {
     Direct(BufWriter<File>),
 }
 
+/// What the name of a temporary file ends with.
+const SUFFIX: &str = ".part";
+
+/// What the names of a place's temporary files begin with.
+fn temporary_prefix(destination: &Path) -> OsString {
+    let mut prefix = OsString::from(".helio-");
+    if let Some(name) = destination.file_name() {
+        // A file name has 255 bytes; the others of a longer one would leave no room.
+        match name.to_str() {
+            Some(text) => prefix.push(text.chars().take(48).collect::<String>()),
+            None => prefix.push("file"),
+        }
+    }
+    prefix.push("-");
+    prefix
+}
+
+/// Removes what killed processes left of a place: temporary files that nobody holds a lock on.
+fn remove_abandoned(folder: &Path, prefix: &OsStr) {
+    let Ok(entries) = std::fs::read_dir(folder) else {
+        return;
+    };
+    for entry in entries.flatten() {
+        let name = entry.file_name();
+        let bytes = name.as_encoded_bytes();
+        let drawn = bytes
+            .strip_prefix(prefix.as_encoded_bytes())
+            .and_then(|rest| rest.strip_suffix(SUFFIX.as_bytes()));
+        if !drawn.is_some_and(|drawn| drawn.len() == 6 && drawn.is_ascii()) {
+            continue;
+        }
+        let path = entry.path();
+        let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
+        if is_file && let Ok(file) = File::options().write(true).open(&path) {
+            match file.try_lock() {
+                // While it is locked here nobody takes it for his own.
+                Ok(()) => drop(std::fs::remove_file(&path)),
+                Err(TryLockError::WouldBlock | TryLockError::Error(_)) => {}
+            }
+        }
+    }
+}
+
 /// Bytes gathered before a write: large enough that system calls cost nothing beside formatting.
 const BUFFER_BYTES: usize = 1 << 18;
 
@@ -115,15 +163,26 @@ impl AtomicFile {
             let reason = format!("its folder {} does not exist", folder.display());
             return Err(refuse(io::Error::other(reason)));
         }
+        let prefix = temporary_prefix(&destination);
+        remove_abandoned(folder, &prefix);
         let mut builder = tempfile::Builder::new();
-        builder.prefix(".helio-").suffix(".part");
+        builder.prefix(&prefix).suffix(SUFFIX);
         #[cfg(unix)]
         {
             use std::os::unix::fs::PermissionsExt;
             // As File::create would: the process's umask takes its share.
             builder.permissions(std::fs::Permissions::from_mode(0o666));
         }
-        let file = builder.tempfile_in(folder).map_err(refuse)?;
+        let file = loop {
+            let file = builder.tempfile_in(folder).map_err(refuse)?;
+            // Another process may take it for abandoned before it is locked. Some file systems know no
+            // locks: there nothing is taken for abandoned.
+            match file.as_file().try_lock() {
+                Err(TryLockError::WouldBlock) => {}
+                Ok(()) | Err(TryLockError::Error(_)) if file.path().exists() => break file,
+                _ => {}
+            }
+        };
         let listed = Listed(file.path().to_path_buf());
         unfinished().push(listed.0.clone());
         let target = Target::Temporary(BufWriter::with_capacity(BUFFER_BYTES, file));
@@ -133,6 +192,19 @@ impl AtomicFile {
             target,
             listed: Some(listed),
         })
+    }
+
+    /// Refuses a place where no file can be made, as [`create`](Self::create) does, and leaves nothing there:
+    /// for a result that is written at the end of a long run. What is no regular file, such as a pipe, is not
+    /// opened before its time.
+    ///
+    /// # Errors
+    /// [`IoError`] as for [`create`](Self::create).
+    pub fn check(path: &Path) -> Result<(), IoError> {
+        match std::fs::metadata(path) {
+            Ok(found) if !found.is_file() && !found.is_dir() => Ok(()),
+            _ => Self::create(path).map(drop),
+        }
     }
 
     /// The place the file will have.
@@ -241,6 +313,62 @@ mod tests {
         other.finish().unwrap();
         assert_eq!(listed(), 0);
         assert_eq!(names(folder.path()), ["b"]);
+    }
+
+    #[test]
+    fn what_a_killed_process_left_is_removed_and_what_is_at_work_is_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        // Left by a kill, of two places; and a file that is nobody's leftover.
+        for name in [
+            ".helio-out.csv-abcdef.part",
+            ".helio-out.csv-ghijkl.part",
+            ".helio-other.csv-abcdef.part",
+            ".helio-out.csv-notes.part",
+        ] {
+            std::fs::write(at(name), "half").unwrap();
+        }
+        let mut first = AtomicFile::create(&at("out.csv")).unwrap();
+        let left = [".helio-other.csv-abcdef.part", ".helio-out.csv-notes.part"];
+        assert_eq!(names(folder.path()).len(), 3);
+        // Two at once on one place and one on another: each is whole, and the last to finish stands.
+        let mut second = AtomicFile::create(&at("out.csv")).unwrap();
+        let mut third = AtomicFile::create(&at("other.csv")).unwrap();
+        assert_eq!(names(folder.path()).len(), 4);
+        first.write_all(b"first").unwrap();
+        second.write_all(b"second").unwrap();
+        third.write_all(b"third").unwrap();
+        second.finish().unwrap();
+        assert_eq!(std::fs::read(at("out.csv")).unwrap(), b"second");
+        first.finish().unwrap();
+        third.finish().unwrap();
+        assert_eq!(std::fs::read(at("out.csv")).unwrap(), b"first");
+        assert_eq!(std::fs::read(at("other.csv")).unwrap(), b"third");
+        assert_eq!(names(folder.path()), [left[1], "other.csv", "out.csv"]);
+        // A long name leaves room for what is drawn.
+        let long = "x".repeat(250);
+        write_file(&at(&long), b"x").unwrap();
+        assert!(at(&long).exists());
+    }
+
+    #[test]
+    fn a_place_is_checked_without_a_trace() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out.csv");
+        AtomicFile::check(&path).unwrap();
+        assert!(names(folder.path()).is_empty());
+        std::fs::write(&path, "old").unwrap();
+        AtomicFile::check(&path).unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"old");
+        assert_eq!(names(folder.path()), ["out.csv"]);
+        for bad in [
+            folder.path(),
+            &path.join("x.csv"),
+            &folder.path().join("no/x.csv"),
+        ] {
+            let said = AtomicFile::create(bad).unwrap_err().to_string();
+            assert_eq!(AtomicFile::check(bad).unwrap_err().to_string(), said);
+        }
     }
 
     #[test]

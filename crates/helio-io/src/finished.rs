@@ -52,12 +52,16 @@ impl Finished {
     /// Begins a run.
     ///
     /// # Errors
-    /// [`IoError`] if there are finished parts of an earlier run, or the file cannot be written.
+    /// [`IoError`] if there are finished parts of an earlier run, another process is at work on them, or the file
+    /// cannot be written.
     pub fn begin(out: &Path, key: &str) -> Result<Self, IoError> {
         let path = Self::path_of(out);
         let file = OpenOptions::new().write(true).create_new(true).open(&path);
         let file = match file {
             Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {
+                if let Ok(file) = File::open(&path) {
+                    lock(&path, &file)?;
+                }
                 let message = "it holds what an interrupted run has finished; --resume goes on \
                                from there, or remove it to begin anew";
                 return Err(conflict(&path, message.into()));
@@ -117,7 +121,7 @@ impl Finished {
         };
         if theirs != key {
             let message = format!(
-                "it holds what a run with other inputs, options or another version has finished \
+                "it holds what a run with other inputs, options or another build has finished \
                  (its hash is {}, this run's {}); repeat that run with --resume, or remove the file \
                  to begin anew",
                 quoted(theirs.get(..16).unwrap_or(theirs)),
@@ -255,7 +259,11 @@ mod tests {
         let said =
             |result: Result<(Finished, Vec<String>), IoError>| result.unwrap_err().to_string();
         #[cfg(unix)]
-        assert!(said(Finished::resume(&out, "k")).contains("another process"));
+        {
+            assert!(said(Finished::resume(&out, "k")).contains("another process"));
+            let again = Finished::begin(&out, "k").unwrap_err().to_string();
+            assert!(again.contains("another process"), "{again}");
+        }
         drop(run);
         assert!(said(Finished::resume(&out, "other")).contains("other inputs"));
         assert!(

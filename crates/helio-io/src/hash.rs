@@ -56,6 +56,15 @@ impl Sha256 {
     pub fn update(&mut self, mut bytes: &[u8]) {
         let constants = round_constants();
         while !bytes.is_empty() {
+            // Whole blocks need no copy.
+            if self.length.is_multiple_of(64)
+                && let Some((block, rest)) = bytes.split_first_chunk()
+            {
+                self.compress(block, constants);
+                self.length += 64;
+                bytes = rest;
+                continue;
+            }
             let filled = (self.length % 64) as usize;
             let take = bytes.len().min(64 - filled);
             self.block[filled..filled + take].copy_from_slice(&bytes[..take]);
@@ -84,35 +93,47 @@ impl Sha256 {
     }
 
     fn compress(&mut self, block: &[u8; 64], constants: &[u32; 64]) {
-        let mut w = [0_u32; 64];
+        // The last sixteen words of the schedule; the oldest makes room for the newest.
+        let mut w = [0_u32; 16];
         for (word, bytes) in w.iter_mut().zip(block.chunks_exact(4)) {
             *word = u32::from_be_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
         }
-        for t in 16..64 {
-            let (a, b) = (w[t - 15], w[t - 2]);
-            let s0 = a.rotate_right(7) ^ a.rotate_right(18) ^ (a >> 3);
-            let s1 = b.rotate_right(17) ^ b.rotate_right(19) ^ (b >> 10);
-            w[t] = w[t - 16]
-                .wrapping_add(s0)
-                .wrapping_add(w[t - 7])
-                .wrapping_add(s1);
+        let mut turned = self.state;
+        for (round, constants) in constants.chunks_exact(16).enumerate() {
+            for t in 0..16 {
+                if round > 0 {
+                    let (a, b) = (w[(t + 1) % 16], w[(t + 14) % 16]);
+                    let s0 = a.rotate_right(7) ^ a.rotate_right(18) ^ (a >> 3);
+                    let s1 = b.rotate_right(17) ^ b.rotate_right(19) ^ (b >> 10);
+                    w[t] = w[t]
+                        .wrapping_add(s0)
+                        .wrapping_add(w[(t + 9) % 16])
+                        .wrapping_add(s1);
+                }
+                let [a, b, c, d, e, f, g, h] = turned;
+                let s1 = e.rotate_right(6) ^ e.rotate_right(11) ^ e.rotate_right(25);
+                let choice = (e & f) ^ (!e & g);
+                let first = h
+                    .wrapping_add(s1)
+                    .wrapping_add(choice)
+                    .wrapping_add(constants[t])
+                    .wrapping_add(w[t]);
+                let s0 = a.rotate_right(2) ^ a.rotate_right(13) ^ a.rotate_right(22);
+                let majority = (a & b) ^ (a & c) ^ (b & c);
+                let second = s0.wrapping_add(majority);
+                turned = [
+                    first.wrapping_add(second),
+                    a,
+                    b,
+                    c,
+                    d.wrapping_add(first),
+                    e,
+                    f,
+                    g,
+                ];
+            }
         }
-        let [mut a, mut b, mut c, mut d, mut e, mut f, mut g, mut h] = self.state;
-        for (k, w) in constants.iter().zip(w) {
-            let s1 = e.rotate_right(6) ^ e.rotate_right(11) ^ e.rotate_right(25);
-            let choice = (e & f) ^ (!e & g);
-            let first = h
-                .wrapping_add(s1)
-                .wrapping_add(choice)
-                .wrapping_add(*k)
-                .wrapping_add(w);
-            let s0 = a.rotate_right(2) ^ a.rotate_right(13) ^ a.rotate_right(22);
-            let majority = (a & b) ^ (a & c) ^ (b & c);
-            let second = s0.wrapping_add(majority);
-            (h, g, f, e) = (g, f, e, d.wrapping_add(first));
-            (d, c, b, a) = (c, b, a, first.wrapping_add(second));
-        }
-        for (state, value) in self.state.iter_mut().zip([a, b, c, d, e, f, g, h]) {
+        for (state, value) in self.state.iter_mut().zip(turned) {
             *state = state.wrapping_add(value);
         }
     }

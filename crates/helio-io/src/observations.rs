@@ -152,7 +152,7 @@ const SYNONYMS: &[(&str, &str)] = &[
 /// | `target` | by name, a plane; without it the one that the heliostat aims at |
 /// | `u_m, v_m` | spot, right and below the target's centre as a camera facing it sees it |
 /// | `spot_east_m, spot_north_m, spot_up_m` | the spot as a point instead; moved square onto the plane |
-/// | `sigma_m` | optional: one standard deviation of either component |
+/// | `sigma_m` | optional: one standard deviation of either component; for all observations of a heliostat or none |
 /// | `record_id` | optional: what the record is called elsewhere |
 ///
 /// Foreign names are translated by `[observations.columns]` of `field.toml`, and columns named in
@@ -165,8 +165,8 @@ const SYNONYMS: &[(&str, &str)] = &[
 /// [`IoError`] with file, line (row) and column for: an unknown or missing column, a row of another
 /// length, a heliostat or target not in the field, a target that is a mere point, a number that is
 /// not finite, no number at all or out of range, a time without an offset, a time without `[site]`,
-/// half a pair of angles, steps without or beyond a drive, a spot far off its target's plane, and sun
-/// azimuths counted from south.
+/// half a pair of angles, steps without or beyond a drive, a spot far off its target's plane or stated twice
+/// differently, a `sigma_m` that only some observations of a heliostat have, and sun azimuths counted from south.
 ///
 /// ```
 /// let folder = tempfile::tempdir()?;
@@ -231,6 +231,8 @@ pub fn load_observations(path: &Path, loaded: &LoadedField) -> Result<Observatio
     reader.gather(records)
 }
 
+/// Rounded coordinates leave spots some millimetres off their plane, and off other words for them \[m\].
+const ROUNDING_M: f64 = 0.01;
 /// Rows from which reading is worth a second thread.
 const ROWS_PER_TASK: usize = 1 << 12;
 
@@ -416,11 +418,10 @@ impl<'a> Reader<'a> {
         target: usize,
     ) -> Result<Option<([f64; 2], f64)>, IoError> {
         let table = self.table;
-        if let Some((u_m, v_m)) = pair(table, row, id, &keys::SPOT_U, &keys::SPOT_V)? {
-            return Ok(Some(([u_m, v_m], 0.0)));
-        }
+        let stated = pair(table, row, id, &keys::SPOT_U, &keys::SPOT_V)?;
+        let stated_m = stated.map(|(u_m, v_m)| [u_m, v_m]);
         if !self.points {
-            return Ok(None);
+            return Ok(stated_m.map(|spot_m| (spot_m, 0.0)));
         }
         let point_keys = [&keys::SPOT_EAST, &keys::SPOT_NORTH, &keys::SPOT_UP];
         let mut point = [None; 3];
@@ -428,7 +429,7 @@ impl<'a> Reader<'a> {
             *slot = table.number(row, key, Some(id))?;
         }
         let point = match point {
-            [None, None, None] => return Ok(None),
+            [None, None, None] => return Ok(stated_m.map(|spot_m| (spot_m, 0.0))),
             [Some(east), Some(north), Some(up)] => Enu::new(east, north, up),
             _ => {
                 let lacking: Vec<&str> = point_keys
@@ -459,7 +460,49 @@ impl<'a> Reader<'a> {
             );
             return Err(table.row_error(row, id, Problem::Conflict { message }));
         }
-        Ok(Some((spot_m, off_m)))
+        let Some([u_m, v_m]) = stated_m else {
+            return Ok(Some((spot_m, off_m)));
+        };
+        let apart_m = (u_m - spot_m[0]).hypot(v_m - spot_m[1]);
+        if apart_m > ROUNDING_M {
+            let message = format!(
+                "two spots {apart_m:.3} m apart: {} and {} say {}, {}, the point of {}, {} and {} lies \
+                 at {:.3}, {:.3} on target {}; wanted one of them, or both within {ROUNDING_M} m",
+                keys::SPOT_U.name,
+                keys::SPOT_V.name,
+                short(u_m),
+                short(v_m),
+                keys::SPOT_EAST.name,
+                keys::SPOT_NORTH.name,
+                keys::SPOT_UP.name,
+                spot_m[0],
+                spot_m[1],
+                quoted(name)
+            );
+            return Err(table.row_error(row, id, Problem::Conflict { message }));
+        }
+        Ok(Some(([u_m, v_m], off_m)))
+    }
+
+    /// Refuses a heliostat some of whose observations state how sure they are and some do not: what the
+    /// others count is nowhere said.
+    fn same_sigmas(&self, records: &[Record], of: &[usize]) -> Result<(), IoError> {
+        let mut stated = of.iter().filter(|&&row| records[row].sigma_m.is_some());
+        let lacking = of.iter().find(|&&row| records[row].sigma_m.is_none());
+        let (Some(&row), Some(&other)) = (lacking, stated.next()) else {
+            return Ok(());
+        };
+        let id = &self.loaded.field.ids()[records[row].heliostat];
+        let message = format!(
+            "empty, though {} of the {} observations of this heliostat state one ({} the first); wanted \
+             for all of them or for none",
+            stated.count() + 1,
+            of.len(),
+            self.table.table().position(other)
+        );
+        Err(self
+            .table
+            .error(row, &keys::SIGMA, Some(id), Problem::Conflict { message }))
     }
 
     /// Where the sun stood at the times given, and whether given suns agree with theirs.
@@ -565,6 +608,7 @@ impl<'a> Reader<'a> {
             if records_of.is_empty() {
                 continue;
             }
+            self.same_sigmas(&records, &records_of)?;
             let of = |&index: &usize| {
                 let record = &records[index];
                 let [u_m, v_m] = record.spot_m.unwrap_or_default();
@@ -607,17 +651,16 @@ impl<'a> Reader<'a> {
 
     fn warn(&self, records: &[Record], farthest: Option<usize>, out: &mut Observations) {
         let path = out.path.display().to_string();
-        // Rounded coordinates leave spots some millimetres off.
         if let Some(row) = farthest
-            && records[row].off_plane_m.abs() > 0.01
+            && records[row].off_plane_m.abs() > ROUNDING_M
         {
             let (_, _, half_m) = self.planes[records[row].target];
             let count = records
                 .iter()
-                .filter(|record| record.off_plane_m.abs() > 0.01)
+                .filter(|record| record.off_plane_m.abs() > ROUNDING_M)
                 .count();
             out.warnings.push(format!(
-                "{path}: {} of {} spots lie more than 0.01 m off the plane of their target, the \
+                "{path}: {} of {} spots lie more than {ROUNDING_M} m off the plane of their target, the \
                  farthest ({}) {:.3} m {}; they were moved square onto it{}",
                 count,
                 records.len(),

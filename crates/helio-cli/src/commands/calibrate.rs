@@ -1,12 +1,15 @@
 //! `calibrate`: the angular errors of every heliostat from observations of its spot.
 
+use std::borrow::Cow;
+use std::collections::HashMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use helio_calib::aiming::hour_angle_rad;
 use helio_calib::plan::year_suns;
-use helio_calib::schedule::{Sets, fit_sets};
+use helio_calib::schedule::{HourSet, Sets, fit_sets};
 use helio_calib::{
     CalibrateOptions, CalibrationError, Constraint, Context, Finding, Fit, FitOptions, Loss, Mount,
     Observation, Parameter, Parameters, Reason, ResidualForm, Solver, Start, Uncertainty,
@@ -60,19 +63,36 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
         plan::not_an_input(path, &inputs)?;
     }
     let destination = plan::destination(args.out.out.as_deref(), format, &inputs, printer)?;
+    for path in [&args.rejected, &args.plan_out].into_iter().flatten() {
+        plan::format(Some(path), None)?;
+    }
+    // What cannot be written is better known before a long run than after it.
+    for path in [&args.out.out, &args.rejected, &args.plan_out]
+        .into_iter()
+        .flatten()
+        .filter(|path| !plan::is_stdout(path))
+    {
+        AtomicFile::check(path)?;
+    }
     let proposals = Proposals::new(args, &loaded)?;
     let old = match &args.compare {
-        Some(path) => Some(load_calibration(path)?),
+        Some(path) => Some(earlier(path, &loaded)?),
         None => None,
     };
     let report = match &args.report {
         Some(path) => Some(report_file(path)?),
         None => None,
     };
-    // Both go through the whole file.
-    let (observations, hash) = rayon::join(
-        || load_observations(&args.observations, &loaded),
-        || hash_file(&args.observations),
+    let resumable = args.out.out.as_deref().filter(|path| is_plain(path));
+    // Each goes through a whole file.
+    let ((observations, hash), build) = rayon::join(
+        || {
+            rayon::join(
+                || load_observations(&args.observations, &loaded),
+                || hash_file(&args.observations),
+            )
+        },
+        || resumable.map(|_| build_hash(std::env::current_exe())),
     );
     let (observations, observations_hash) = (observations?, hash?);
     for warning in &observations.warnings {
@@ -100,22 +120,18 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
         observations_hash,
         options_hash: hash_text(&format!("{:?}", args.fit)),
     };
-    let key = hash_text(&format!(
-        "{} {} {} {}",
-        provenance.version,
-        provenance.field_hash,
-        provenance.observations_hash,
-        provenance.options_hash
-    ));
-
-    let part = match args.out.out.as_deref().filter(|path| is_plain(path)) {
-        Some(out) if args.resume => Some(Finished::resume(out, &key)?),
-        Some(out) => Some((Finished::begin(out, &key)?, Vec::new())),
+    let part = match resumable.zip(build) {
+        Some((out, build)) => Some(finished(out, args.resume, &provenance, build)?),
         None if args.resume => {
             return Err(Failure::refused("--resume needs --out FILE"));
         }
         None => None,
     };
+    if !args.fit.prior.is_empty() && observations.heliostats.iter().any(without_sigmas) {
+        printer.note(format_args!(
+            "--prior without sigma_m: how much records count beside it is told by what a fit without it leaves"
+        ));
+    }
     let run = Run {
         loaded: &loaded,
         observations: &observations,
@@ -167,6 +183,63 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
         Outcome::Good
     })
 }
+
+/// An earlier calibration to compare with.
+fn earlier(path: &Path, loaded: &LoadedField) -> Result<Vec<CalibratedSet>, Failure> {
+    let old = load_calibration(path)?;
+    let by_hour = |set: &CalibratedSet| set.hour_angle_from_rad.or(set.hour_angle_to_rad).is_some();
+    if loaded.site.is_none() && old.iter().any(by_hour) {
+        return Err(Failure::refused(format!(
+            "--compare {}: its sets change with the hour angle of the sun, which needs the latitude from [site]",
+            path.display()
+        )));
+    }
+    Ok(old)
+}
+
+/// What of the run is finished already. Two builds of one version may differ in the last digit, so a run
+/// is resumed by the program that began it.
+fn finished(
+    out: &Path,
+    resume: bool,
+    provenance: &Provenance,
+    build: Result<String, String>,
+) -> Result<(Finished, Vec<String>), Failure> {
+    if let (Err(why), true) = (&build, resume && Finished::path_of(out).exists()) {
+        return Err(Failure::refused(format!(
+            "{}: not resumed: whether this program is the one that began it cannot be told ({why}); remove \
+             the file to begin anew",
+            Finished::path_of(out).display()
+        )));
+    }
+    let key = hash_text(&format!(
+        "{} {} {} {} {}",
+        provenance.version,
+        build.as_deref().unwrap_or("unknown"),
+        provenance.field_hash,
+        provenance.observations_hash,
+        provenance.options_hash
+    ));
+    Ok(if resume {
+        Finished::resume(out, &key)?
+    } else {
+        (Finished::begin(out, &key)?, Vec::new())
+    })
+}
+
+/// SHA-256 of the running program, or why there is none.
+fn build_hash(program: std::io::Result<PathBuf>) -> Result<String, String> {
+    let path = program.map_err(|error| format!("its own path is not known: {error}"))?;
+    hash_file(&path).map_err(|error| error.to_string())
+}
+
+/// True if nothing states how sure the observations of a heliostat are.
+fn without_sigmas(of: &HeliostatObservations) -> bool {
+    of.observations.iter().all(|seen| seen.sigma_m.is_none())
+}
+
+/// Noise of records that leave nothing to tell it by, beside priors \[mrad\].
+const UNTOLD_NOISE_MRAD: f64 = 1.0;
 
 /// The status of a set that `track` may use.
 pub(crate) const OK: &str = "ok";
@@ -482,6 +555,198 @@ fn fitted(fit: &Fit, uncertainty: &Uncertainty) -> DoneSet {
     }
 }
 
+/// Observations as a fit with priors may weigh them: priors state how sure they are, so where the observations do
+/// not, each counts at the noise that a fit without the priors leaves. Also what is to be said about that.
+fn weighed<'a>(
+    of: &'a HeliostatObservations,
+    mount: &Mount,
+    context: &Context<'_>,
+    options: &CalibrateOptions,
+) -> Result<(Cow<'a, HeliostatObservations>, Option<String>), Failure> {
+    let is_prior = |constraint: &Constraint| matches!(constraint, Constraint::Prior { .. });
+    if !options.fit.constraints.iter().any(is_prior) || !without_sigmas(of) {
+        return Ok((Cow::Borrowed(of), None));
+    }
+    let mut free = *options;
+    for constraint in free.fit.constraints.iter_mut().filter(|c| is_prior(c)) {
+        *constraint = Constraint::Free;
+    }
+    let found = helio_calib::calibrate(mount, &of.observations, context, &free)?;
+    let (mut sum, mut freedom) = (0.0, 0.0);
+    for epoch in found.epochs.iter().filter(|epoch| !epoch.borrowed) {
+        let known = &epoch.uncertainty;
+        if known.sigma.is_finite() {
+            sum += known.sigma * known.sigma * known.degrees_of_freedom as f64;
+            freedom += known.degrees_of_freedom as f64;
+        }
+    }
+    let told_m = (sum / freedom).sqrt();
+    let (sigma_m, said) = if told_m.is_finite() && told_m > 0.0 {
+        (told_m, None)
+    } else {
+        let slants = of.observations.iter();
+        let slants = slants.map(|seen| (seen.plane.centre - mount.pivot).norm());
+        let slant_m = slants.sum::<f64>() / of.observations.len().max(1) as f64;
+        let said = format!(
+            "too few records to tell their noise by: beside the prior each counts as known to \
+             {UNTOLD_NOISE_MRAD} mrad; sigma_m states it"
+        );
+        (1e-3 * UNTOLD_NOISE_MRAD * slant_m, Some(said))
+    };
+    let mut of = of.clone();
+    for seen in &mut of.observations {
+        seen.sigma_m = Some(sigma_m);
+    }
+    Ok((Cow::Owned(of), said))
+}
+
+/// The sets over the day of a heliostat, epoch by epoch.
+struct Day<'a> {
+    mount: &'a Mount,
+    of: &'a HeliostatObservations,
+    context: Context<'a>,
+    options: &'a CalibrateOptions,
+    asked: Sets,
+    sets: Vec<DoneSet>,
+    choices: Vec<Choice>,
+    /// In words.
+    said: Vec<String>,
+}
+
+impl Day<'_> {
+    /// Divides an epoch where more sets do better than the one that it has. Each set passes the gate that the
+    /// common one has passed; in the hours of one that does not, the common set holds.
+    fn divide(&mut self, whole: DoneSet) -> Result<(), Failure> {
+        let kept: Vec<Observation> = whole
+            .rows
+            .iter()
+            .map(|&row| self.of.observations[row])
+            .collect();
+        let start = Parameters::new(&whole.mount_errors(), whole.mirror_offset_m.0);
+        let fit = FitOptions {
+            start: Start::At(start),
+            ..self.options.fit
+        };
+        let schedule = match fit_sets(self.mount, &kept, &fit, self.asked) {
+            Ok(schedule) => schedule,
+            // Too few for more than the one set that there is.
+            Err(CalibrationError::TooFew { .. }) => {
+                self.sets.push(whole);
+                return Ok(());
+            }
+            Err(error) => return Err(error.into()),
+        };
+        let mut taken = schedule.sets.len();
+        let mut sets = Vec::with_capacity(taken);
+        if taken > 1 {
+            for (k, set) in schedule.sets.iter().enumerate() {
+                let name = match whole.name.as_str() {
+                    "" => set.name.clone(),
+                    epoch => format!("{epoch} {}", set.name),
+                };
+                let seen: Vec<Observation> = set.rows.iter().map(|&row| kept[row]).collect();
+                let own = self.judged(&seen, set, whole.year_pointing_mrad.0)?;
+                let of_its_own = own.is_ok();
+                let (own, why) = match own {
+                    Ok(own) => (own, String::new()),
+                    Err(refused) => (whole.clone(), format!("the common set holds: {refused}")),
+                };
+                if !of_its_own {
+                    self.said.push(format!("set {name}: {why}"));
+                }
+                sets.push((
+                    of_its_own,
+                    DoneSet {
+                        name,
+                        status: OK.to_owned(),
+                        why,
+                        valid_from_ns: whole.valid_from_ns,
+                        valid_to_ns: whole.valid_to_ns,
+                        hours_rad: Some([
+                            (k > 0).then_some(Exact(set.hour_angle_from_rad)),
+                            (k + 1 < taken).then_some(Exact(set.hour_angle_to_rad)),
+                        ]),
+                        rows: set.rows.iter().map(|&row| whole.rows[row]).collect(),
+                        ..own
+                    },
+                ));
+            }
+        }
+        if sets.iter().any(|(of_its_own, _)| *of_its_own) {
+            self.sets.extend(sets.into_iter().map(|(_, set)| set));
+        } else {
+            taken = 1;
+            self.sets.push(whole);
+        }
+        self.choices
+            .extend(schedule.choices.iter().map(|choice| Choice {
+                sets: choice.sets,
+                chosen: choice.sets == taken,
+                beam_rms_mrad: Exact(choice.in_sample_beam_rms_mrad),
+                unseen_rms_mrad: choice.cross_validated_beam_rms_mrad.map(Exact),
+            }));
+        Ok(())
+    }
+
+    /// A set over the day that has passed the gate, or why it has not; the common set's pointing over the year
+    /// is uncertain by `common_mrad`.
+    fn judged(
+        &self,
+        seen: &[Observation],
+        set: &HourSet,
+        common_mrad: f64,
+    ) -> Result<Result<DoneSet, String>, Failure> {
+        if seen.is_empty() {
+            return Ok(Err("there are no records of these hours".to_owned()));
+        }
+        let uncertainty = helio_calib::uncertainty(self.mount, seen, &set.fit, &set.options)?;
+        // The prior on the departure states how sure it is, so the records must too.
+        let mut seen = seen.to_vec();
+        if uncertainty.sigma.is_finite() && uncertainty.sigma > 0.0 {
+            for seen in &mut seen {
+                seen.sigma_m = Some(seen.sigma_m.unwrap_or(1.0) * uncertainty.sigma);
+            }
+        }
+        let options = CalibrateOptions {
+            fit: set.options,
+            reject: false,
+            jumps: false,
+            ..*self.options
+        };
+        let found = helio_calib::calibrate(self.mount, &seen, &self.context, &options)?;
+        let epoch = match (found.epochs.into_iter().next(), found.findings.first()) {
+            (Some(epoch), _) => epoch,
+            (None, Some(finding)) => return Ok(Err(finding.to_string())),
+            (None, None) => return Ok(Err("its records determine nothing".to_owned())),
+        };
+        // It departs from the common set: what that does not know, the set does not know either in as far
+        // as the prior determines it and not its own records; and it is not better known at all.
+        let by_records = (2 * seen.len()).saturating_sub(uncertainty.degrees_of_freedom);
+        let borrowed = 1.0 - by_records as f64 / uncertainty.free.len().max(1) as f64;
+        let year_mrad = epoch.year_pointing_mrad.map(|own_mrad| {
+            own_mrad
+                .hypot(borrowed.clamp(0.0, 1.0) * common_mrad)
+                .max(common_mrad)
+        });
+        let limit_mrad = self.options.max_year_pointing_mrad;
+        match (epoch.verdict, year_mrad) {
+            // What would help the whole day is not said of a part of it.
+            (_, Some(mrad)) if mrad > limit_mrad => Ok(Err(format!(
+                "its own records leave the beam uncertain by {mrad:.1} mrad over the year, at most \
+                 {limit_mrad:.1} are allowed"
+            ))),
+            (helio_calib::Verdict::Undetermined { why }, _) => Ok(Err(why)),
+            _ if !set.fit.stop.converged() => {
+                Ok(Err(format!("its fit ended with {}", set.fit.stop.as_str())))
+            }
+            (helio_calib::Verdict::Determined, _) => Ok(Ok(DoneSet {
+                year_pointing_mrad: Exact(year_mrad.unwrap_or(f64::NAN)),
+                ..fitted(&set.fit, &uncertainty)
+            })),
+        }
+    }
+}
+
 /// Everything that calibrating one heliostat after another needs.
 pub(crate) struct Run<'a> {
     loaded: &'a LoadedField,
@@ -602,6 +867,8 @@ impl Run<'_> {
         };
         let field = Parameters::new(&heliostat.errors, heliostat.mirror_offset_m);
         let options = self.asked.of(&field);
+        let (of, said) = weighed(of, &mount, &context, &options)?;
+        let of = of.as_ref();
         let found = helio_calib::calibrate(&mount, &of.observations, &context, &options)?;
 
         let words = Words {
@@ -621,8 +888,20 @@ impl Run<'_> {
         let several = found.epochs.len() > 1;
         let starts: Vec<Option<i64>> = found.epochs.iter().map(|e| e.from_unix_ns).collect();
         let dated = starts.iter().all(Option::is_some);
-        let mut sets = Vec::with_capacity(found.epochs.len().max(1));
-        let mut choices = Vec::new();
+        let mut day = Day {
+            mount: &mount,
+            of,
+            context: Context {
+                neighbours: &[],
+                targets: &[],
+                ..context
+            },
+            options: &options,
+            asked: self.asked.sets,
+            sets: Vec::with_capacity(found.epochs.len().max(1)),
+            choices: Vec::new(),
+            said: Vec::from_iter(said),
+        };
         for (k, epoch) in found.epochs.iter().enumerate() {
             let last = k + 1 == found.epochs.len();
             let (status, why) = match &epoch.verdict {
@@ -658,11 +937,17 @@ impl Run<'_> {
             };
             // An epoch that borrows its tilts has too few records to be divided.
             if status == OK && self.asked.sets != Sets::One && !epoch.borrowed {
-                self.over_the_day(&mount, of, &options, whole, &mut sets, &mut choices)?;
+                day.divide(whole)?;
             } else {
-                sets.push(whole);
+                day.sets.push(whole);
             }
         }
+        let Day {
+            mut sets,
+            choices,
+            said,
+            ..
+        } = day;
         if sets.is_empty() {
             let (status, why) = match refusing.or(found.findings.first()) {
                 Some(finding) => (finding.as_str(), words.finding(finding)),
@@ -687,74 +972,10 @@ impl Run<'_> {
                 .findings
                 .iter()
                 .map(|finding| words.finding(finding))
+                .chain(said)
                 .collect(),
             choices,
         })
-    }
-
-    /// Parameter sets over the day for the records of an epoch, where they do better than one.
-    fn over_the_day(
-        &self,
-        mount: &Mount,
-        of: &HeliostatObservations,
-        options: &CalibrateOptions,
-        whole: DoneSet,
-        sets: &mut Vec<DoneSet>,
-        choices: &mut Vec<Choice>,
-    ) -> Result<(), Failure> {
-        let kept: Vec<Observation> = whole.rows.iter().map(|&row| of.observations[row]).collect();
-        let start = Parameters::new(&whole.mount_errors(), whole.mirror_offset_m.0);
-        let fit = FitOptions {
-            start: Start::At(start),
-            ..options.fit
-        };
-        let schedule = match fit_sets(mount, &kept, &fit, self.asked.sets) {
-            Ok(schedule) => schedule,
-            // Too few for more than the one set that there is.
-            Err(CalibrationError::TooFew { .. }) => {
-                sets.push(whole);
-                return Ok(());
-            }
-            Err(error) => return Err(error.into()),
-        };
-        let taken = schedule.sets.len();
-        choices.extend(schedule.choices.iter().map(|choice| Choice {
-            sets: choice.sets,
-            chosen: choice.sets == taken,
-            beam_rms_mrad: Exact(choice.in_sample_beam_rms_mrad),
-            unseen_rms_mrad: choice.cross_validated_beam_rms_mrad.map(Exact),
-        }));
-        if taken == 1 {
-            sets.push(whole);
-            return Ok(());
-        }
-        for (k, set) in schedule.sets.iter().enumerate() {
-            let seen: Vec<Observation> = set.rows.iter().map(|&row| kept[row]).collect();
-            let name = match whole.name.as_str() {
-                "" => set.name.clone(),
-                epoch => format!("{epoch} {}", set.name),
-            };
-            // A part of the day without records has the parameters of the whole day.
-            let uncertainty = if seen.is_empty() {
-                let common = helio_calib::fit(mount, &kept, &fit)?;
-                helio_calib::uncertainty(mount, &kept, &common, &fit)?
-            } else {
-                helio_calib::uncertainty(mount, &seen, &set.fit, &set.options)?
-            };
-            sets.push(DoneSet {
-                name,
-                status: OK.to_owned(),
-                valid_from_ns: whole.valid_from_ns,
-                valid_to_ns: whole.valid_to_ns,
-                hours_rad: Some([
-                    (k > 0).then_some(Exact(set.hour_angle_from_rad)),
-                    (k + 1 < taken).then_some(Exact(set.hour_angle_to_rad)),
-                ]),
-                rows: set.rows.iter().map(|&row| whole.rows[row]).collect(),
-                ..fitted(&set.fit, &uncertainty)
-            });
-        }
-        Ok(())
     }
 
     fn id(&self, index: usize) -> &str {
@@ -862,48 +1083,37 @@ impl Run<'_> {
 
     /// What changed against an earlier calibration, in sentences.
     fn changes(&self, old: &[CalibratedSet], sets: &[CalibratedSet]) -> Vec<String> {
-        let suns = match &self.loaded.site {
-            Some(site) => year_suns(site.latitude_rad, LOWEST_SUN_RAD),
+        let suns: Vec<(EnuUnit, f64)> = match &self.loaded.site {
+            Some(site) => year_suns(site.latitude_rad, LOWEST_SUN_RAD)
+                .into_iter()
+                .map(|sun| (sun, hour_angle_rad(sun, site.latitude_rad)))
+                .collect(),
+            // No set goes by the hour then.
             None => self
                 .observations
                 .heliostats
                 .iter()
-                .flat_map(|of| of.observations.iter().map(|o| o.sun))
+                .flat_map(|of| of.observations.iter().map(|o| (o.sun, 0.0)))
                 .take(1000)
                 .collect(),
         };
-        let mut found: Vec<(String, Change)> = Vec::new();
-        let mut fresh = 0;
-        for set in sets.iter().filter(|set| set.status == OK) {
-            // A set of the same name, or the only one that there was.
-            let theirs: Vec<&CalibratedSet> = old
-                .iter()
-                .filter(|other| other.id == set.id && other.errors.is_some())
-                .collect();
-            let same =
-                theirs
-                    .iter()
-                    .find(|other| other.set == set.set)
-                    .or(match theirs.as_slice() {
-                        [only] => Some(only),
-                        _ => None,
-                    });
-            let row = self.loaded.field.row_of(&set.id);
-            let (Some(same), Some(row)) = (same, row) else {
-                fresh += 1;
-                continue;
-            };
-            let heliostat = &self.loaded.field.heliostats()[row];
-            if let Some(change) = Change::between(same, set, &self.mount(row), &suns, heliostat.aim)
-            {
-                let name = if set.set.is_empty() {
-                    set.id.clone()
-                } else {
-                    format!("{}, set {}", set.id, set.set)
-                };
-                found.push((name, change));
-            }
-        }
+        let (before, after) = (by_heliostat(old), by_heliostat(sets));
+        let field = &self.loaded.field;
+        let mut found: Vec<(&str, Change)> = (0..field.len())
+            .into_par_iter()
+            .filter_map(|row| {
+                let id = field.ids()[row].as_str();
+                let change = Change::between(
+                    before.get(id)?,
+                    after.get(id)?,
+                    &field.heliostats()[row],
+                    &self.mount(row),
+                    &suns,
+                    self.loaded.blend_rad,
+                )?;
+                Some((id, change))
+            })
+            .collect();
         let beams: Vec<f64> = found.iter().map(|(_, change)| change.beam_mrad).collect();
         let significant = |c: &Change| c.is_significant() == Some(true);
         let count = found
@@ -913,38 +1123,37 @@ impl Run<'_> {
         let mut said = Vec::new();
         match median(beams) {
             Some(mrad) => said.push(format!(
-                "compared: {} sets have an earlier one, {count} of them changed significantly; in the \
-                 middle the beams move by {mrad:.3} mrad over the year",
+                "compared: {} heliostats have an earlier calibration, {count} of them changed significantly; \
+                 in the middle the beams move by {mrad:.3} mrad over the year",
                 found.len()
             )),
-            None => said.push("compared: no set has an earlier one".to_owned()),
+            None => said.push("compared: no heliostat has an earlier calibration".to_owned()),
         }
+        let fresh = after.keys().filter(|id| !before.contains_key(*id)).count();
         if fresh > 0 && !found.is_empty() {
-            said.push(format!("compared: {fresh} sets have no earlier one"));
+            said.push(format!(
+                "compared: {fresh} heliostats have no earlier calibration"
+            ));
         }
-        let gone = old
-            .iter()
-            .filter(|other| other.errors.is_some())
-            .filter(|other| {
-                !sets
-                    .iter()
-                    .any(|set| set.id == other.id && set.status == OK)
-            })
-            .count();
+        let gone = before.keys().filter(|id| !after.contains_key(*id)).count();
         if gone > 0 {
             said.push(format!(
-                "compared: {gone} earlier sets are of heliostats without a new one"
+                "compared: {gone} heliostats have an earlier calibration and no new one"
             ));
         }
         found.sort_by(|a, b| b.1.beam_mrad.total_cmp(&a.1.beam_mrad));
         let shown = found.len().min(SAID);
         for (name, change) in &found[..shown] {
+            let of = match change.pairs {
+                0 | 1 => String::new(),
+                pairs => format!(", the greatest of {pairs} pairs of sets"),
+            };
             let test = match (change.chi_square, change.is_significant()) {
                 (Some((chi, freedom)), Some(true)) => {
-                    format!("significantly (chi-square {chi:.1} on {freedom})")
+                    format!("significantly (chi-square {chi:.1} on {freedom}{of})")
                 }
                 (Some((chi, freedom)), Some(false)) => {
-                    format!("not significantly (chi-square {chi:.1} on {freedom})")
+                    format!("not significantly (chi-square {chi:.1} on {freedom}{of})")
                 }
                 _ => "whether significantly is not known: there is no covariance".to_owned(),
             };
@@ -955,7 +1164,7 @@ impl Run<'_> {
         }
         if found.len() > shown {
             said.push(format!(
-                "... and {} sets that changed less",
+                "... and {} heliostats that changed less",
                 found.len() - shown
             ));
         }
@@ -1134,6 +1343,15 @@ impl Run<'_> {
     }
 }
 
+/// The sets with errors of each heliostat.
+fn by_heliostat(sets: &[CalibratedSet]) -> HashMap<&str, Vec<&CalibratedSet>> {
+    let mut of: HashMap<&str, Vec<&CalibratedSet>> = HashMap::new();
+    for set in sets.iter().filter(|set| set.errors.is_some()) {
+        of.entry(&set.id).or_default().push(set);
+    }
+    of
+}
+
 fn median(mut values: Vec<f64>) -> Option<f64> {
     values.retain(|value| value.is_finite());
     values.sort_by(f64::total_cmp);
@@ -1251,5 +1469,37 @@ impl Words<'_> {
             }
             other => other.to_string(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_program_that_cannot_be_read_is_not_the_one_that_began() {
+        let unknown = build_hash(Err(std::io::ErrorKind::NotFound.into()));
+        assert!(unknown.unwrap_err().contains("its own path is not known"));
+        let folder = tempfile::tempdir().unwrap();
+        let gone = build_hash(Ok(folder.path().join("helio-rs (deleted)")));
+        assert!(gone.unwrap_err().contains("cannot be read"));
+        let own = build_hash(std::env::current_exe()).unwrap();
+        assert_eq!(own.len(), 64);
+
+        let out = folder.path().join("c.csv");
+        let (provenance, lost) = (Provenance::default(), || Err("gone".to_owned()));
+        // Without parts there is nothing to mix, with parts they stay as they are.
+        drop(finished(&out, true, &provenance, lost()).unwrap());
+        let part = std::fs::read(Finished::path_of(&out)).unwrap();
+        for (resume, said) in [
+            (true, "(gone); remove the file"),
+            (false, "--resume goes on"),
+        ] {
+            let refused = finished(&out, resume, &provenance, lost()).unwrap_err();
+            assert!(refused.to_string().contains(said), "{refused}");
+        }
+        let refused = finished(&out, true, &provenance, Ok(own)).unwrap_err();
+        assert!(refused.to_string().contains("another build"), "{refused}");
+        assert_eq!(std::fs::read(Finished::path_of(&out)).unwrap(), part);
     }
 }

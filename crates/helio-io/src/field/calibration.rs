@@ -1,6 +1,7 @@
 //! The calibration table, and the schedule of parameter sets it makes.
 
 use std::collections::HashMap;
+use std::f64::consts::PI;
 use std::ops::Range;
 
 use helio_core::angle::{radians, wrap_pi};
@@ -8,6 +9,7 @@ use helio_core::error::FieldError;
 use helio_core::{Field, Heliostat, MountErrors};
 
 use super::layout::shown;
+use crate::calibrated::CalibratedSet;
 use crate::error::{IoError, Place, Problem, quoted};
 use crate::keys::{self, Key};
 use crate::table::{Keyed, Naming, Table};
@@ -64,6 +66,21 @@ struct Set {
 }
 
 impl Set {
+    /// Of a calibrated set; `None` without errors.
+    fn of(set: &CalibratedSet, base: &Heliostat) -> Option<Self> {
+        let (from, to) = (set.hour_angle_from_rad, set.hour_angle_to_rad);
+        let (begin, end) = (set.valid_from_ns, set.valid_to_ns);
+        Some(Self {
+            name: set.set.clone(),
+            errors: set.errors?,
+            mirror_offset_m: set.mirror_offset_m.unwrap_or(base.mirror_offset_m),
+            valid: begin.unwrap_or(i64::MIN)..end.unwrap_or(i64::MAX),
+            from_rad: from.unwrap_or(-PI),
+            to_rad: to.unwrap_or(PI),
+            bounded: [from, to].iter().any(Option::is_some) || begin.is_some() || end.is_some(),
+        })
+    }
+
     fn apply(&self, base: Heliostat) -> Heliostat {
         Heliostat {
             errors: self.errors,
@@ -174,6 +191,19 @@ impl CalibrationSchedule {
         lapse
     }
 
+    /// What parameter sets say about some heliostats: the sets of each, in any order, over what is known of
+    /// it without them. Sets without errors say nothing; `blend_rad` is the hour angle over which neighbours
+    /// blend \[rad\].
+    #[must_use]
+    pub fn of_sets(base: Vec<Heliostat>, sets: &[Vec<&CalibratedSet>], blend_rad: f64) -> Self {
+        let found = base.iter().zip(sets).map(|(base, sets)| {
+            let sets = sets.iter().filter_map(|set| Set::of(set, base));
+            sets.enumerate().collect()
+        });
+        let found = found.collect();
+        arranged(found, base, blend_rad)
+    }
+
     /// A heliostat as calibrated for a time \[ns of Unix time\] and hour angle of the sun \[rad\], west
     /// positive.
     ///
@@ -182,6 +212,32 @@ impl CalibrationSchedule {
     #[must_use]
     pub fn heliostat_at(&self, row: usize, unix_ns: Option<i64>, hour_angle_rad: f64) -> Heliostat {
         let base = self.base[row];
+        match self.holding(row, unix_ns, hour_angle_rad) {
+            None => base,
+            Some((here, None)) => here.apply(base),
+            Some((here, Some((there, weight)))) => here.blend(there, weight, base),
+        }
+    }
+
+    /// The name of the set that holds at a time and hour angle, as [`heliostat_at`](Self::heliostat_at);
+    /// where two blend, of the one with the greater share. `None` where none is valid.
+    ///
+    /// # Panics
+    /// If `row` is not in the field.
+    #[must_use]
+    pub fn set_at(&self, row: usize, unix_ns: Option<i64>, hour_angle_rad: f64) -> Option<&str> {
+        let (here, next) = self.holding(row, unix_ns, hour_angle_rad)?;
+        let greater = next.filter(|(_, weight)| *weight > 0.5);
+        Some(&greater.map_or(here, |(there, _)| there).name)
+    }
+
+    /// The set that holds, and the one it is passing into with that one's share.
+    fn holding(
+        &self,
+        row: usize,
+        unix_ns: Option<i64>,
+        hour_angle_rad: f64,
+    ) -> Option<(&Set, Option<(&Set, f64)>)> {
         let sets = &self.sets[self.of_row[row].clone()];
         // Without a time, the last instant of the last span.
         let last = || {
@@ -192,9 +248,7 @@ impl CalibrationSchedule {
         };
         let now = unix_ns.unwrap_or_else(last);
         let mut valid = sets.iter().filter(|set| set.valid.contains(&now));
-        let Some(mut here) = valid.next() else {
-            return base;
-        };
+        let mut here = valid.next()?;
         let hour = wrap_pi(hour_angle_rad);
         let boundary = |a: &Set, b: &Set| 0.5 * (a.to_rad + b.from_rad);
         let mut next = valid.next();
@@ -207,15 +261,15 @@ impl CalibrationSchedule {
                 .min(0.5 * (middle - before))
                 .min(0.5 * (after - middle));
             if hour < middle - half {
-                return here.apply(base);
+                return Some((here, None));
             }
             if hour < middle + half {
                 let weight = (hour - (middle - half)) / (2.0 * half);
-                return here.blend(there, weight, base);
+                return Some((here, Some((there, weight))));
             }
             (here, before) = (there, middle);
         }
-        here.apply(base)
+        Some((here, None))
     }
 
     /// Rows whose parameters change with the hour or the date, ascending; the others' are constant
@@ -345,6 +399,24 @@ fn schedule(
     blend_rad: f64,
     warnings: Vec<String>,
 ) -> Calibrated {
+    let schedule = arranged(found, base, blend_rad);
+    let heliostats = (0..schedule.base.len())
+        .map(|row| schedule.heliostat_at(row, None, 0.0))
+        .collect();
+    let schedule = (!schedule.varying.is_empty()).then_some(schedule);
+    Calibrated {
+        heliostats,
+        schedule,
+        warnings,
+    }
+}
+
+/// Sets in the order in which they are looked for.
+fn arranged(
+    found: Vec<Vec<(usize, Set)>>,
+    base: Vec<Heliostat>,
+    blend_rad: f64,
+) -> CalibrationSchedule {
     let mut schedule = CalibrationSchedule {
         base,
         sets: Vec::new(),
@@ -366,15 +438,7 @@ fn schedule(
         schedule.sets.extend(sets);
         schedule.of_row.push(start..schedule.sets.len());
     }
-    let heliostats = (0..schedule.base.len())
-        .map(|row| schedule.heliostat_at(row, None, 0.0))
-        .collect();
-    let schedule = (!schedule.varying.is_empty()).then_some(schedule);
-    Calibrated {
-        heliostats,
-        schedule,
-        warnings,
-    }
+    schedule
 }
 
 /// The six errors, in the order of the table's columns.
@@ -601,6 +665,47 @@ mod tests {
             }
             assert_eq!(last, 0.002);
         }
+    }
+
+    #[test]
+    fn sets_of_a_calibration_hold_as_those_of_its_table() {
+        let sets = [
+            ("am", None, Some(0.0), 0.001),
+            ("pm", Some(0.0), None, 0.003),
+        ]
+        .map(|(name, from, to, tilt_rad)| CalibratedSet {
+            set: name.into(),
+            errors: Some(set("", (0.0, 1.0), ALWAYS, tilt_rad).errors),
+            hour_angle_from_rad: from,
+            hour_angle_to_rad: to,
+            ..CalibratedSet::without_result("A", "ok", "")
+        });
+        let refused = CalibratedSet::without_result("A", "undetermined", "");
+        let base = Heliostat::new(Enu::default(), Enu::new(0.0, 0.0, 50.0));
+        let given = vec![&sets[1], &refused, &sets[0]];
+        let schedule = CalibrationSchedule::of_sets(vec![base; 2], &[given, vec![]], radians(5.0));
+        let mut read = of(vec![
+            set("pm", (0.0, 180.0), ALWAYS, 0.003),
+            set("am", (-180.0, 0.0), ALWAYS, 0.001),
+        ]);
+        for set in &mut read.sets {
+            set.mirror_offset_m = base.mirror_offset_m;
+        }
+        for (hour_deg, name) in [(-90.0, "am"), (-1.0, "am"), (1.0, "pm"), (90.0, "pm")] {
+            let hour = radians(hour_deg);
+            assert_eq!(
+                schedule.heliostat_at(0, None, hour),
+                read.heliostat_at(0, None, hour)
+            );
+            assert_eq!(schedule.set_at(0, None, hour), Some(name));
+        }
+        assert_eq!(
+            (
+                schedule.set_at(1, None, 0.0),
+                schedule.heliostat_at(1, None, 0.0)
+            ),
+            (None, base)
+        );
     }
 
     #[test]

@@ -42,6 +42,8 @@ pub struct LoadedField {
     /// Calibrations that change with the hour or the date; `None` if none does, which is the cheap
     /// and common case: all parameters then stand in [`field`](Self::field).
     pub schedule: Option<CalibrationSchedule>,
+    /// Hour angle over which neighbouring sets of a calibration blend \[rad\].
+    pub blend_rad: f64,
     /// How foreign tables of observations name their columns.
     pub observation_columns: ObservationColumns,
     /// Things worth saying that stop nothing.
@@ -269,6 +271,7 @@ pub fn load_field(path: &Path) -> Result<LoadedField, IoError> {
         target_of,
         drives,
         schedule,
+        blend_rad: radians(blend_deg),
         observation_columns,
         warnings,
         files,

@@ -137,6 +137,65 @@ fn every_spelling_says_the_same() {
 }
 
 #[test]
+fn a_spot_said_twice_is_one_to_rounding() {
+    let observed = load(&seen(SEEN)).unwrap();
+    let plane = observed.targets[0].1;
+    // The points of the same spots, to the centimetre; the last row leaves its point out.
+    let twice = |off_m: f64| -> String {
+        let spots = [(0.5, -0.25), (0.1, 0.2), (-0.5, 0.75)];
+        let mut table = String::new();
+        for (k, line) in SEEN.lines().enumerate() {
+            table += line;
+            match k {
+                0 => table += ",spot_east_m,spot_north_m,spot_up_m",
+                3 => table += ",,,",
+                _ => {
+                    let (u_m, v_m) = spots[k - 1];
+                    let point = plane.point(u_m, v_m + off_m);
+                    let round = |x: f64| (x * 100.0).round() / 100.0;
+                    let [east, north, up] = [point.east, point.north, point.up].map(round);
+                    write!(table, ",{east},{north},{up}").unwrap();
+                }
+            }
+            table.push('\n');
+        }
+        table
+    };
+    let both = load(&seen(&twice(0.0))).unwrap();
+    for (one, other) in both.heliostats.iter().zip(&observed.heliostats) {
+        assert_eq!(one.observations, other.observations);
+    }
+    let said = load(&seen(&twice(0.03))).unwrap_err().to_string();
+    for word in [
+        "seen.csv:2: heliostat `A1`: two spots 0.0",
+        "u_m",
+        "v_m",
+        "spot_up_m",
+    ] {
+        assert!(said.contains(word), "{word}: {said}");
+    }
+}
+
+#[test]
+fn sigmas_are_for_all_of_a_heliostat_or_for_none() {
+    // Of A1 all, of A2 none: each is a fit of its own.
+    load(&seen(SEEN)).unwrap();
+    // A record without a spot needs none; one with a spot does.
+    let without = "A1,2026-06-21T05:00:00Z,172.5,42.25,white,,,\n";
+    assert_eq!(load(&seen(&format!("{SEEN}{without}"))).unwrap().len(), 3);
+    let spot = without.replace("white,,", "white,0.1,0.1");
+    let said = load(&seen(&format!("{SEEN}{spot}")))
+        .unwrap_err()
+        .to_string();
+    assert!(
+        said.contains(
+            "seen.csv:5: heliostat `A1`: column `sigma_m`: empty, though 2 of the 3 observations"
+        ),
+        "{said}"
+    );
+}
+
+#[test]
 fn points_are_moved_onto_their_plane() {
     // White stands at (0, 2, 60) and faces north: right is west.
     let table = "id,sun_azimuth_deg,sun_elevation_deg,axis1_deg,axis2_deg,target,spot_east_m,spot_north_m,spot_up_m\n\
