@@ -1,0 +1,272 @@
+//! `calibrate`: the angular errors of every heliostat from observations of its spot.
+
+mod asked;
+mod changes;
+mod day;
+mod heliostats;
+mod proposals;
+mod rejected;
+mod resume;
+mod words;
+
+use std::io::Write;
+use std::path::Path;
+
+use helio_calib::Mount;
+use helio_calib::schedule::Sets;
+use helio_io::{
+    AtomicFile, CalibratedSet, IoError, LoadedField, Observations, Provenance, hash_file,
+    load_observations, write_calibration,
+};
+use helio_report::calibration::calibration_page;
+
+use crate::args::{CalibrateArgs, word};
+use crate::calibration::Done;
+use crate::calibration_page::Source;
+use crate::failure::Failure;
+use crate::printer::{Bytes, Grouped, Printer};
+use crate::{Outcome, plan};
+use asked::Asked;
+use changes::earlier;
+use day::without_sigmas;
+use proposals::Proposals;
+use resume::{build_hash, finished, hash_files, hash_text, is_plain};
+
+/// Lines of findings that a terminal shows.
+const SAID: usize = 40;
+
+pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Failure> {
+    plan::threads(args.out.threads)?;
+    let format = plan::format(args.out.out.as_deref(), args.out.format)?;
+    let loaded = plan::field(&args.field, printer)?;
+    let asked = Asked::new(&args.fit)?;
+    if asked.sets != Sets::One && loaded.site.is_none() {
+        return Err(Failure::refused(
+            "--sets: sets over the day go by the sun's hour angle, which needs the latitude from [site]",
+        ));
+    }
+    let mut inputs = loaded.files.clone();
+    inputs.push(args.observations.clone());
+    inputs.extend(args.compare.clone());
+    different_outputs(args)?;
+    for path in [&args.rejected, &args.report, &args.plan_out]
+        .into_iter()
+        .flatten()
+    {
+        plan::not_an_input(path, &inputs)?;
+    }
+    let destination = plan::destination(args.out.out.as_deref(), format, &inputs, printer)?;
+    for path in [&args.rejected, &args.plan_out].into_iter().flatten() {
+        plan::format(Some(path), None)?;
+    }
+    // What cannot be written is better known before a long run than after it.
+    for path in [&args.out.out, &args.rejected, &args.plan_out]
+        .into_iter()
+        .flatten()
+        .filter(|path| !plan::is_stdout(path))
+    {
+        AtomicFile::check(path)?;
+    }
+    let proposals = Proposals::new(args, &loaded)?;
+    let old = match &args.compare {
+        Some(path) => Some(earlier(path, &loaded)?),
+        None => None,
+    };
+    let report = match &args.report {
+        Some(path) => Some(report_file(path)?),
+        None => None,
+    };
+    let resumable = args.out.out.as_deref().filter(|path| is_plain(path));
+    // Each goes through a whole file.
+    let ((observations, hash), build) = rayon::join(
+        || {
+            rayon::join(
+                || load_observations(&args.observations, &loaded),
+                || hash_file(&args.observations),
+            )
+        },
+        || resumable.map(|_| build_hash(std::env::current_exe())),
+    );
+    let (observations, observations_hash) = (observations?, hash?);
+    for warning in &observations.warnings {
+        printer.warn(warning);
+    }
+    printer.say(format_args!(
+        "{} observations of {} heliostats, of {} in the field",
+        Grouped(observations.len() as u64),
+        Grouped(observations.heliostats.len() as u64),
+        Grouped(loaded.field.len() as u64)
+    ));
+    if observations.is_empty() {
+        return Err(Failure::refused(format!(
+            "{}: none of its {} records can be used",
+            args.observations.display(),
+            observations.records
+        )));
+    }
+    let provenance = Provenance {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        solver: word(args.fit.solver),
+        residual: word(args.fit.residual),
+        robust: word(args.fit.robust),
+        field_hash: hash_files(&loaded.files)?,
+        observations_hash,
+        options_hash: hash_text(&format!("{:?}", args.fit)),
+    };
+    let part = match resumable.zip(build) {
+        Some((out, build)) => Some(finished(out, args.resume, &provenance, build)?),
+        None if args.resume => {
+            return Err(Failure::refused("--resume needs --out FILE"));
+        }
+        None => None,
+    };
+    if !args.fit.prior.is_empty() && observations.heliostats.iter().any(without_sigmas) {
+        printer.note(format_args!(
+            "--prior without sigma_m: how much records count beside it is told by what a fit without it leaves"
+        ));
+    }
+    let run = Run {
+        loaded: &loaded,
+        observations: &observations,
+        asked: &asked,
+    };
+    let (done, part) = run.all(part, printer)?;
+
+    let sets: Vec<CalibratedSet> = done.iter().flat_map(|done| run.sets(done)).collect();
+    let changes = match &old {
+        Some(old) => run.changes(old, &sets),
+        None => Vec::new(),
+    };
+    if let Some(mut file) = report {
+        let page = Source {
+            loaded: &loaded,
+            observations: &observations,
+            done: &done,
+            provenance: &provenance,
+            findings: changes.clone(),
+        };
+        let path = file.path().to_owned();
+        file.write_all(calibration_page(&page.page()).as_bytes())
+            .map_err(|error| IoError::write(&path, error))?;
+        file.finish()?;
+    }
+    if let Some(path) = &args.rejected {
+        run.write_rejected(path, &done, printer)?;
+    }
+    if let Some(proposals) = &proposals {
+        let bytes = run.propose(proposals, &done, args, printer)?;
+        printer.say(format_args!("proposed observations: {}", Bytes(bytes)));
+    }
+    // Proposals take the place of the calibration where both would go to standard output.
+    let bytes = if proposals.is_some() && args.plan_out.is_none() && args.out.out.is_none() {
+        0
+    } else {
+        write_calibration(destination, format, &sets, &provenance)?
+    };
+    if let Some(part) = part {
+        part.remove()?;
+    }
+    run.say(&done, &sets, bytes, printer);
+    for change in &changes {
+        printer.say(format_args!("{change}"));
+    }
+    Ok(if sets.iter().any(|set| set.status != OK) {
+        Outcome::SomeRowsFailed
+    } else {
+        Outcome::Good
+    })
+}
+
+/// The status of a set that `track` may use.
+pub(crate) const OK: &str = "ok";
+
+/// Refuses outputs that would replace each other.
+fn different_outputs(args: &CalibrateArgs) -> Result<(), Failure> {
+    let outputs = [
+        ("--out", args.out.out.as_deref()),
+        ("--report", args.report.as_deref()),
+        ("--rejected", args.rejected.as_deref()),
+        ("--plan-out", args.plan_out.as_deref()),
+    ];
+    for (k, (one, path)) in outputs.iter().enumerate() {
+        for (other, again) in &outputs[..k] {
+            plan::not_the_same((other, *again), (one, *path))?;
+        }
+    }
+    Ok(())
+}
+
+/// The file of a report, begun early so that a place that cannot be written is known at once.
+fn report_file(path: &Path) -> Result<AtomicFile, Failure> {
+    let suffix = path.extension().map(|suffix| suffix.to_ascii_lowercase());
+    if suffix.is_none_or(|suffix| suffix != "html" && suffix != "htm") {
+        return Err(Failure::refused(format!(
+            "{}: --report writes a page; wanted a name that ends in .html",
+            path.display()
+        )));
+    }
+    Ok(AtomicFile::create(path)?)
+}
+
+/// Lowest sun of an observation or of a pointing that counts \[rad\].
+const LOWEST_SUN_RAD: f64 = 0.1745;
+
+/// Everything that calibrating one heliostat after another needs.
+pub(crate) struct Run<'a> {
+    loaded: &'a LoadedField,
+    observations: &'a Observations,
+    asked: &'a Asked,
+}
+
+impl Run<'_> {
+    fn mount(&self, row: usize) -> Mount {
+        let field = &self.loaded.field;
+        Mount::of(field.mode(), &field.heliostats()[row])
+    }
+
+    fn id(&self, index: usize) -> &str {
+        &self.loaded.field.ids()[self.observations.heliostats[index].row]
+    }
+
+    /// The rows of the table for a heliostat.
+    fn sets(&self, done: &Done) -> Vec<CalibratedSet> {
+        let of = &self.observations.heliostats[done.index];
+        let id = self.id(done.index);
+        let used: usize = done.sets.iter().map(|set| set.rows.len()).sum();
+        // Sets over the day share the records of the hours in which they blend.
+        let rejected = of.observations.len().saturating_sub(used);
+        let one = done.sets.len() == 1;
+        done.sets
+            .iter()
+            .map(|set| {
+                let times = || {
+                    set.rows
+                        .iter()
+                        .filter_map(|&row| of.observations[row].unix_ns)
+                };
+                // A rejected record belongs to the stretch of time in which it was made.
+                let inside = |row: usize| match of.observations[row].unix_ns {
+                    Some(ns) => {
+                        set.valid_from_ns.is_none_or(|from| from <= ns)
+                            && set.valid_to_ns.is_none_or(|to| ns < to)
+                    }
+                    None => false,
+                } && match (set.hours_rad, of.observations[row].hour_angle_rad) {
+                    (Some([from, to]), Some(hour)) => {
+                        from.is_none_or(|from| from.0 <= hour) && to.is_none_or(|to| hour < to.0)
+                    }
+                    _ => true,
+                };
+                CalibratedSet {
+                    rejected: if one {
+                        rejected
+                    } else {
+                        done.rejected.iter().filter(|left| inside(left.row)).count()
+                    },
+                    observed_ns: times().min().zip(times().max()),
+                    ..set.to_table(id)
+                }
+            })
+            .collect()
+    }
+}
