@@ -12,6 +12,7 @@ use helio_calib::{
     CalibrateOptions, Calibration, Context, Finding, FitOptions, Mount, Observation, Reason,
     WrongCall, beam_errors_mrad, calibrate, fit,
 };
+use helio_core::sun::{SunSite, position};
 use helio_core::{EnuUnit, TargetPlane};
 use helio_tests::juelich::{self, LATITUDE_RAD};
 use helio_tests::{Rng, data};
@@ -111,6 +112,8 @@ fn recorded_heliostats() {
                 by[0], by[1]
             );
         }
+        let called_wrong = |f: &Finding| matches!(f, Finding::WrongCall { .. });
+        assert!(!answer.findings.iter().any(called_wrong), "{name}");
         // nothing is lost
         let kept: usize = answer.epochs.iter().map(|e| e.rows.len()).sum();
         assert_eq!(kept + answer.rejected.len(), records.observations.len());
@@ -127,20 +130,31 @@ fn recorded_heliostats() {
                 assert!(answer.rejected.len() <= count + 1, "{name}");
                 assert!(first.fit.beam_rms_mrad <= rms_mrad, "{name}");
             }
-            // "zero points jump several times from 2022-10-25 on"
+            // "zero points jump several times"
             "BE61" => {
+                // All of 6 mrad and more. One of about -2.2 mrad in the summer or autumn of 2022 is below what counts as
+                // a jump: a threshold that shows it finds one in BF17 too, or misses more of the simulated ones.
                 let found = jumps(&answer);
-                assert!(found.len() >= 4, "{found:?}");
-                assert!(
-                    found
-                        .iter()
-                        .all(|(_, before, _)| before.as_str() > "2022-10-25")
+                let dates: Vec<_> = found
+                    .iter()
+                    .map(|(a, b, _)| (a.as_str(), b.as_str()))
+                    .collect();
+                assert_eq!(
+                    dates,
+                    [
+                        ("2023-05-25", "2023-05-27"),
+                        ("2023-05-30", "2023-05-30"),
+                        ("2023-08-31", "2023-09-04"),
+                        ("2023-09-05", "2023-09-19"),
+                        ("2023-09-20", "2023-09-22"),
+                        ("2023-09-22", "2023-09-25"),
+                    ]
                 );
                 // its first motor alone
                 assert!(
                     found
                         .iter()
-                        .all(|(_, _, by)| by[0].abs() > 3.0 && by[1].abs() < 1.0)
+                        .all(|(_, _, by)| by[0].abs() > 6.0 && by[1].abs() < 1.0)
                 );
                 for epoch in &answer.epochs {
                     assert!(epoch.fit.beam_rms_mrad < 1.5, "{}", epoch.fit.beam_rms_mrad);
@@ -259,7 +273,13 @@ fn wrong_calls_of_recorded_data_are_named() {
         return;
     };
     type Change = fn(&mut Observation);
-    let changes: [(WrongCall, Change); 4] = [
+    let changes: [(WrongCall, Change); 6] = [
+        (WrongCall::Axis1InRadians, |o| {
+            o.axis1_rad = o.axis1_rad.to_radians();
+        }),
+        (WrongCall::Axis2InDegrees, |o| {
+            o.axis2_rad = o.axis2_rad.to_degrees();
+        }),
         (WrongCall::EncoderInDegrees, |o| {
             o.axis1_rad = o.axis1_rad.to_degrees();
             o.axis2_rad = o.axis2_rad.to_degrees();
@@ -282,6 +302,43 @@ fn wrong_calls_of_recorded_data_are_named() {
             let named = answer.findings.iter().any(|f| f.as_str() == call.as_str());
             assert!(named, "{name} {call:?}: {:?}", answer.findings);
             assert!(answer.epochs.iter().all(|e| !e.verdict.is_determined()));
+        }
+    }
+}
+
+/// Suns of the ephemeris for times that are summer time, or local time of somewhere else.
+#[test]
+fn wrong_offsets_of_recorded_times_are_named() {
+    let Some(data) = data::folder("wrong_offsets_of_recorded_times_are_named") else {
+        return;
+    };
+    let site = SunSite::new(LATITUDE_RAD, 6.387_f64.to_radians(), 90.0).unwrap();
+    for name in CLEAN {
+        let records = juelich::records(&data, name);
+        for minutes in [0, 30, 60, 120, -300] {
+            let timed = records.observations.iter().filter(|o| o.unix_ns.is_some());
+            let observations: Vec<Observation> = timed
+                .map(|o| {
+                    let unix_ns = o.unix_ns.unwrap() + i64::from(minutes) * 60_000_000_000;
+                    let sun = position(&site, unix_ns, None, 0.0).unwrap().direction();
+                    Observation { sun, ..*o }
+                })
+                .collect();
+            let answer = judge(&records.mount, &observations, &[]);
+            let calls: Vec<WrongCall> = answer
+                .findings
+                .iter()
+                .filter_map(|finding| match finding {
+                    Finding::WrongCall { call, .. } => Some(*call),
+                    _ => None,
+                })
+                .collect();
+            let early_minutes = -minutes;
+            let wanted: &[WrongCall] = match minutes {
+                0 => &[],
+                _ => &[WrongCall::TimesOff { early_minutes }],
+            };
+            assert_eq!(calls, wanted, "{name} {minutes}");
         }
     }
 }

@@ -3,6 +3,7 @@
 use helio_core::angle::{wrap_pi, wrap_tau};
 use helio_core::{Enu, EnuUnit};
 
+use crate::measures::dot;
 use crate::observation::Mount;
 use crate::parameters::Parameters;
 
@@ -35,8 +36,19 @@ pub fn encoder_angles_rad(
     sun: EnuUnit,
     aim: Enu,
 ) -> Option<[f64; 2]> {
+    aimed(mount, parameters, sun, aim).map(|(_, angles)| angles)
+}
+
+/// The normal along the mount's axes, beside the [`encoder_angles_rad`].
+pub(crate) fn aimed(
+    mount: &Mount,
+    parameters: &Parameters,
+    sun: EnuUnit,
+    aim: Enu,
+) -> Option<([f64; 3], [f64; 2])> {
     let [a, b, gamma0, tau1, alpha0, mu, offset_m] = parameters.values;
-    let n = mount.components(normal(mount.pivot, offset_m, sun, aim)?);
+    let point = mount.components(aim - mount.pivot);
+    let n = wanted_normal(mount.components(sun.as_enu()), point, offset_m)?;
     // c = A n, with A in the two components of the tilt (theory: "Smooth in the tilt")
     let tilt = libm::hypot(a, b);
     let (sine, cosine) = libm::sincos(tilt);
@@ -63,19 +75,20 @@ pub fn encoder_angles_rad(
     let d1 = libm::sqrt(square); // (23)
     let alpha = libm::atan2(sin_alpha * cos_mu, d1);
     let gamma = libm::atan2(c[1] * d1 - c[0] * d2, c[0] * d1 + c[1] * d2); // (25)-(27)
-    Some([wrap_tau(gamma + gamma0), wrap_pi(alpha + alpha0)])
+    Some((n, [wrap_tau(gamma + gamma0), wrap_pi(alpha + alpha0)]))
 }
 
-/// Guo 2015 eq. (16) with the exact tau: k = Hz C/(2 L C - Hz cos(theta)), C = sqrt(1 - k² sin²(theta)).
-fn normal(pivot: Enu, offset_m: f64, sun: EnuUnit, aim: Enu) -> Option<Enu> {
-    let to_aim = aim - pivot;
-    let slant_m = to_aim.norm();
+/// The normal that sends the sun to a point \[m, from the pivot, along the mount's axes\], Guo 2015 eq. (16) with
+/// the exact tau: k = Hz C/(2 L C - Hz cos(theta)), C = sqrt(1 - k² sin²(theta)).
+pub(crate) fn wanted_normal(sun: [f64; 3], point: [f64; 3], offset_m: f64) -> Option<[f64; 3]> {
+    let slant_m = libm::sqrt(dot(point, point));
     if slant_m.is_nan() || slant_m <= offset_m.abs() {
         return None;
     }
-    let toward = to_aim * slant_m.recip();
-    let (sum, difference) = (sun.as_enu() + toward, toward - sun.as_enu());
-    let (cosine, sine) = (0.5 * sum.norm(), 0.5 * difference.norm());
+    let sum: [f64; 3] = core::array::from_fn(|i| sun[i] + point[i] / slant_m);
+    let difference: [f64; 3] = core::array::from_fn(|i| point[i] / slant_m - sun[i]);
+    let cosine = 0.5 * libm::sqrt(dot(sum, sum));
+    let sine = 0.5 * libm::sqrt(dot(difference, difference));
     if cosine.is_nan() || cosine <= 1e-6 {
         return None;
     }
@@ -89,8 +102,9 @@ fn normal(pivot: Enu, offset_m: f64, sun: EnuUnit, aim: Enu) -> Option<Enu> {
             break;
         }
     }
-    let n = sum * (0.5 * c / cosine) + difference * (0.5 * k);
-    n.is_finite().then_some(n)
+    let n: [f64; 3] =
+        core::array::from_fn(|i| sum[i] * (0.5 * c / cosine) + difference[i] * (0.5 * k));
+    n.iter().all(|x| x.is_finite()).then_some(n)
 }
 
 /// Hour angle of a sun \[rad\], west (afternoon) positive, from where it stands over a latitude \[rad\].

@@ -18,6 +18,16 @@ pub enum CalibrationError {
         /// What was given.
         value: f64,
     },
+    /// Some observations state their standard deviation, others do not.
+    #[error(
+        "observation {row} states no sigma_m, but observation {stated} does: state it for all or for none"
+    )]
+    SigmaMissing {
+        /// The first that does not, counted from 0.
+        row: usize,
+        /// The first that does.
+        stated: usize,
+    },
     /// Fewer observations than the parameters that are to be found need.
     #[error(
         "{found} observations cannot give {parameters} parameters: at least {wanted} are needed"

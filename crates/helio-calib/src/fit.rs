@@ -234,11 +234,11 @@ const RIVAL: f64 = 9.0;
 /// whose predicted beam misses then have weight 0. With plain squares such an observation ends the fit with
 /// [`Stop::NoLanding`] where no start avoids it.
 ///
-/// Priors count beside the observations at their sigmas: state `sigma_m`, or an observation counts as known to
+/// Priors count beside the observations at their sigmas: state `sigma_m`, or all observations count as known to
 /// 1 m.
 ///
 /// # Errors
-/// A number of an observation that is not finite or out of range, too few observations for the parameters
+/// A number of an observation that is not finite or out of range, a sigma stated for some observations only, too few observations for the parameters
 /// asked for, options or priors that make no sense.
 pub fn fit(
     mount: &Mount,
@@ -319,6 +319,7 @@ pub(crate) fn check(
     for (row, observation) in observations.iter().enumerate() {
         check_observation(row, observation)?;
     }
+    all_or_none_stated(observations.iter().enumerate())?;
     for parameter in Parameter::ALL {
         if let Constraint::Prior { mean, sigma } = options.constraints[parameter as usize]
             && !(mean.is_finite() && sigma.is_finite() && sigma > 0.0)
@@ -380,6 +381,18 @@ pub(crate) fn check(
         });
     }
     Ok(())
+}
+
+/// Refuses observations of which some state a sigma: the others would count as known to 1 m.
+pub(crate) fn all_or_none_stated<'a>(
+    observations: impl Iterator<Item = (usize, &'a Observation)> + Clone,
+) -> Result<(), CalibrationError> {
+    let mut without = observations.clone().filter(|(_, o)| o.sigma_m.is_none());
+    let mut with = observations.filter(|(_, o)| o.sigma_m.is_some());
+    match (without.next(), with.next()) {
+        (Some((row, _)), Some((stated, _))) => Err(CalibrationError::SigmaMissing { row, stated }),
+        _ => Ok(()),
+    }
 }
 
 fn check_observation(row: usize, observation: &Observation) -> Result<(), CalibrationError> {

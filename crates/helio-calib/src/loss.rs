@@ -46,24 +46,35 @@ impl Loss {
     }
 }
 
+/// The middle value; NaN of nothing.
+pub(crate) fn median(mut values: Vec<f64>) -> f64 {
+    let [below, above] = middle(&mut values);
+    0.5 * (below + above)
+}
+
+/// The two values about the middle, which are one where their number is odd; NaN of nothing.
+pub(crate) fn middle(values: &mut [f64]) -> [f64; 2] {
+    if values.is_empty() {
+        return [f64::NAN; 2];
+    }
+    let half = values.len() / 2;
+    let odd = values.len() % 2 == 1;
+    let (before, &mut above, _) = values.select_nth_unstable_by(half, f64::total_cmp);
+    let below = before.iter().copied().max_by(f64::total_cmp);
+    [below.filter(|_| !odd).unwrap_or(above), above]
+}
+
 /// One standard deviation per component from the median of the records' distances: up to half of the
 /// records may be anything. `free` parameters have been fitted to both components of every record.
 /// Zero for no records.
 pub(crate) fn robust_scale(distances: &[f64], free: usize) -> f64 {
-    let mut sorted: Vec<f64> = distances.iter().copied().filter(|d| !d.is_nan()).collect();
-    if sorted.is_empty() {
+    let known: Vec<f64> = distances.iter().copied().filter(|d| !d.is_nan()).collect();
+    if known.is_empty() {
         return 0.0;
     }
-    sorted.sort_unstable_by(f64::total_cmp);
-    let middle = sorted.len() / 2;
-    let median = if sorted.len() % 2 == 1 {
-        sorted[middle]
-    } else {
-        0.5 * (sorted[middle - 1] + sorted[middle])
-    };
-    let rows = 2.0 * sorted.len() as f64;
+    let rows = 2.0 * known.len() as f64;
     let left = (rows - free as f64).max(1.0);
-    median / RAYLEIGH_MEDIAN * libm::sqrt(rows / left)
+    median(known) / RAYLEIGH_MEDIAN * libm::sqrt(rows / left)
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use helio_core::{Enu, EnuUnit, TargetPlane};
 
+use crate::aiming::aimed;
 use crate::model::{Pose, landing, normal};
 use crate::observation::{Mount, Observation, Sighting};
 use crate::parameters::{COUNT, Parameters};
@@ -104,7 +105,7 @@ pub(crate) fn beam(pose: &Pose<f64>, sighting: &Sighting<f64>) -> [f64; 3] {
     reflected(sighting.sun, normal(pose, sighting).n)
 }
 
-fn reflected(sun: [f64; 3], n: [f64; 3]) -> [f64; 3] {
+pub(crate) fn reflected(sun: [f64; 3], n: [f64; 3]) -> [f64; 3] {
     let double = 2.0 * dot(sun, n);
     core::array::from_fn(|k| double * n[k] - sun[k])
 }
@@ -128,46 +129,20 @@ fn beam_error_rad(pose: &Pose<f64>, mirror_offset_m: f64, sighting: &Sighting<f6
 
 /// Angle between two vectors, exact for small ones too.
 pub(crate) fn angle_rad(a: [f64; 3], b: [f64; 3]) -> f64 {
-    let cross = [
+    let across = cross(a, b);
+    libm::atan2(libm::sqrt(dot(across, across)), dot(a, b))
+}
+
+pub(crate) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [
         a[1] * b[2] - a[2] * b[1],
         a[2] * b[0] - a[0] * b[2],
         a[0] * b[1] - a[1] * b[0],
-    ];
-    libm::atan2(libm::sqrt(dot(cross, cross)), dot(a, b))
+    ]
 }
 
 pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-pub(crate) fn unit(a: [f64; 3]) -> Option<[f64; 3]> {
-    let length = libm::sqrt(dot(a, a));
-    (length > 1e-12 && length.is_finite()).then(|| a.map(|x| x / length))
-}
-
-/// The normal that sends the sun to a point \[m, from the pivot, along the mount's axes\]:
-/// n = unit(s + unit(P - Hz n)) by fixed point (Shen 2016), which a mirror near its pivot reaches in a few
-/// rounds. Nothing where the sun stands opposite to the point.
-pub(crate) fn wanted_normal(
-    sun: [f64; 3],
-    point: [f64; 3],
-    mirror_offset_m: f64,
-) -> Option<[f64; 3]> {
-    const ROUNDS: usize = 12;
-    let toward = |n: [f64; 3]| {
-        let beam = unit(core::array::from_fn(|k| point[k] - mirror_offset_m * n[k]))?;
-        unit(core::array::from_fn(|k| sun[k] + beam[k]))
-    };
-    let mut n = toward([0.0; 3])?;
-    for _ in 0..ROUNDS {
-        let next = toward(n)?;
-        let moved: [f64; 3] = core::array::from_fn(|k| next[k] - n[k]);
-        n = next;
-        if dot(moved, moved) < 1e-30 {
-            break;
-        }
-    }
-    Some(n)
 }
 
 /// One-standard-deviation error of the beam \[mrad\] that the parameters' uncertainty causes when the
@@ -185,27 +160,16 @@ pub fn pointing_sigma_mrad(
     sun: EnuUnit,
     aim: Enu,
 ) -> Option<f64> {
-    let offset = parameters.mirror_offset_m();
-    let along_sun = mount.components(sun.as_enu());
-    let along_aim = mount.components(aim - mount.pivot);
-    let n = wanted_normal(along_sun, along_aim, offset)?;
-    let [axis1, axis2] = encoders(parameters, n)?;
-    let world =
-        |v: [f64; 3]| mount.axes.axis1 * v[0] + mount.axes.axis2 * v[1] + mount.axes.axis3 * v[2];
-    let back = EnuUnit::try_new(world(n) * offset + mount.pivot - aim).ok()?;
-    // a plane square to the beam at the aim: what the spot moves there is the beam's angle times its length
-    let plane = TargetPlane::level(aim, back);
-    let sighting = Sighting {
-        axis1,
-        axis2,
-        ..Sighting::new(mount, &Observation::new(sun, 0.0, 0.0, plane, 0.0, 0.0))
-    };
-    let land = landing(&Pose::of(parameters), &sighting);
-    if !land.hits() {
-        return None;
-    }
+    Some(spread_mrad(
+        &beam_slopes(mount, parameters, &Pose::of(parameters), sun, aim)?,
+        covariance,
+    ))
+}
+
+/// sqrt(trace(J C Jᵀ)) with the slopes of [`beam_slopes`].
+pub(crate) fn spread_mrad(slopes: &[[f64; COUNT]; 2], covariance: &[[f64; COUNT]; COUNT]) -> f64 {
     let mut variance = 0.0;
-    for slopes in land.slopes {
+    for slopes in slopes {
         for (i, row) in covariance.iter().enumerate() {
             for (k, c) in row.iter().enumerate() {
                 // held parameters have no variance whatever their slope is
@@ -215,41 +179,27 @@ pub fn pointing_sigma_mrad(
             }
         }
     }
-    Some(1e3 * libm::sqrt(variance.max(0.0)) / land.beam_m)
+    libm::sqrt(variance.max(0.0))
 }
 
-/// Cosine and sine of both encoder angles for a normal along the mount's axes, the direct solution:
-/// Guo 2015 eq. (22)-(27). Nothing within a blind cone.
-fn encoders(parameters: &Parameters, n: [f64; 3]) -> Option<[[f64; 2]; 2]> {
-    let [a, b, gamma0, tau1, alpha0, mu, _] = parameters.values;
-    let tilt = libm::hypot(a, b);
-    // c = A n
-    let (k, h) = if tilt > 1e-8 {
-        (
-            libm::sin(tilt) / tilt,
-            2.0 * libm::pow(libm::sin(0.5 * tilt) / tilt, 2.0),
-        )
-    } else {
-        (1.0, 0.5)
-    };
-    let lean = a * n[0] + b * n[1];
-    let c = [
-        n[0] - h * a * lean - k * a * n[2],
-        n[1] - h * b * lean - k * b * n[2],
-        k * lean + (1.0 - h * tilt * tilt) * n[2],
-    ];
-    let (sin_tau, cos_tau) = libm::sincos(tau1);
-    let (sin_mu, cos_mu) = libm::sincos(mu);
-    let sin_alpha = (c[2] - sin_tau * sin_mu) / (cos_tau * cos_mu);
-    let d2 = (sin_mu - sin_tau * c[2]) / cos_tau;
-    let square = c[0] * c[0] + c[1] * c[1] - d2 * d2;
-    if !(square >= 0.0 && sin_alpha.abs() <= 1.0 + 1e-9) {
-        return None;
-    }
-    let d1 = libm::sqrt(square);
-    let alpha = libm::atan2(sin_alpha, d1 / cos_mu) + alpha0;
-    let gamma = libm::atan2(c[1] * d1 - c[0] * d2, c[0] * d1 + c[1] * d2) + gamma0;
-    let (sin1, cos1) = libm::sincos(gamma);
-    let (sin2, cos2) = libm::sincos(alpha);
-    Some([[cos1, sin1], [cos2, sin2]])
+/// What each parameter does to the beam that is sent to `aim`, in two directions across it \[mrad/rad, mrad/m\].
+pub(crate) fn beam_slopes(
+    mount: &Mount,
+    parameters: &Parameters,
+    pose: &Pose<f64>,
+    sun: EnuUnit,
+    aim: Enu,
+) -> Option<[[f64; COUNT]; 2]> {
+    let (n, [axis1, axis2]) = aimed(mount, parameters, sun, aim)?;
+    let world =
+        |v: [f64; 3]| mount.axes.axis1 * v[0] + mount.axes.axis2 * v[1] + mount.axes.axis3 * v[2];
+    let back = world(n) * parameters.mirror_offset_m() + mount.pivot - aim;
+    // a plane square to the beam at the aim: what the spot moves there is the beam's angle times its length
+    let plane = TargetPlane::level(aim, EnuUnit::try_new(back).ok()?);
+    let seen = Observation::new(sun, axis1, axis2, plane, 0.0, 0.0);
+    let land = landing(pose, &Sighting::new(mount, &seen));
+    land.hits().then(|| {
+        land.slopes
+            .map(|slopes| slopes.map(|slope| 1e3 * slope / land.beam_m))
+    })
 }

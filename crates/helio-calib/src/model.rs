@@ -55,18 +55,28 @@ fn row_times<T: Real>(c: [T; 3], matrix: &[[T; 3]; 3]) -> [T; 3] {
     })
 }
 
+/// Terms of the power series of [`tilt_functions`].
+const TERMS: usize = 15;
+
+/// Coefficients first, first/(start (start + 1)) …, of falling sign.
+const fn series(first: f64, start: f64) -> [f64; TERMS] {
+    let mut coefficients = [first; TERMS];
+    let mut n = 1;
+    while n < TERMS {
+        let k = start + 2.0 * (n as f64 - 1.0);
+        coefficients[n] = -coefficients[n - 1] / (k * (k + 1.0));
+        n += 1;
+    }
+    coefficients
+}
+
 /// sin(psi)/psi and (1 - cos(psi))/psi² as functions of psi², each with its derivative. The power series
 /// serve any tilt up to half a turn.
 #[inline(always)]
 fn tilt_functions<T: Real>(square: T) -> [[T; 2]; 2] {
-    [[1.0, 2.0], [0.5, 3.0]].map(|[first, start]| {
-        // coefficients (-1)^n / (2n + 1)! and (-1)^n / (2n + 2)!
-        const TERMS: usize = 15;
-        let mut coefficients = [first; TERMS];
-        for n in 1..TERMS {
-            let k = start + 2.0 * (n as f64 - 1.0);
-            coefficients[n] = -coefficients[n - 1] / (k * (k + 1.0));
-        }
+    // coefficients (-1)^n / (2n + 1)! and (-1)^n / (2n + 2)!
+    const SERIES: [[f64; TERMS]; 2] = [series(1.0, 2.0), series(0.5, 3.0)];
+    let sum = |coefficients: &[f64; TERMS]| {
         let mut value = T::splat(coefficients[TERMS - 1]);
         let mut slope = T::splat(0.0);
         for &coefficient in coefficients[..TERMS - 1].iter().rev() {
@@ -74,7 +84,8 @@ fn tilt_functions<T: Real>(square: T) -> [[T; 2]; 2] {
             value = value.mul_add(square, T::splat(coefficient));
         }
         [value, slope]
-    })
+    };
+    [sum(&SERIES[0]), sum(&SERIES[1])]
 }
 
 /// Parameters made ready for many sightings.

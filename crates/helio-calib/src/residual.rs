@@ -1,7 +1,8 @@
 //! What a fit makes small: spots, and, to get near, normals.
 
+use crate::aiming::wanted_normal;
 use crate::fit::{Constraint, ResidualForm};
-use crate::measures::{observed_spot, wanted_normal};
+use crate::measures::observed_spot;
 use crate::model::{Landing, Pose, landing, normal};
 use crate::observation::Sighting;
 use crate::parameters::COUNT;

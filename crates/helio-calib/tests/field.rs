@@ -314,7 +314,10 @@ fn what_is_wrong_is_said_and_costs_the_others_nothing() {
     seen[10].observations.clear();
     seen[11].observations[0].u_m = f64::INFINITY;
     seen[12].observations[0].sigma_m = Some(-1.0);
-    let wrong = [3, 5, 9, 10, 11, 12];
+    // a sigma for some and none for others, whichever come first
+    seen[14].observations[0].sigma_m = Some(0.1);
+    seen[16].observations.last_mut().unwrap().sigma_m = Some(0.1);
+    let wrong = [3, 5, 9, 10, 11, 12, 14, 16];
     let campaigns: Vec<_> = seen.iter().map(Seen::campaign).collect();
     let fits = fit_field(&campaigns, &FieldFitOptions::default());
     for (k, (fit_now, before)) in fits.iter().zip(&good).enumerate() {

@@ -12,7 +12,7 @@ use campaigns::{Bending, DAY_NS, Heliostat};
 use helio_calib::Observation;
 use helio_calib::diagnosis::{CalibrateOptions, Calibration, Context, Finding, calibrate};
 use helio_calib::random::Random;
-use helio_calib::simulate::{Jump, SimulateOptions, simulate};
+use helio_calib::simulate::{Jump, SimulateOptions};
 
 /// A series over a year of a mount that also does something beyond six angles.
 struct Series {
@@ -43,14 +43,7 @@ fn series(random: &mut Random, jump: bool) -> Series {
             elevation_reference_rad: size * parts[1],
         }];
     }
-    let simulated = simulate(
-        &heliostat.mount,
-        &heliostat.truth,
-        &heliostat.targets,
-        &heliostat.site,
-        &options,
-    )
-    .unwrap();
+    let simulated = heliostat.observe(&options).unwrap();
     let mut observations = simulated.observations;
     Bending::draw(random, 0.4).bend(&mut observations);
     let jump = options.jumps.first().copied();
@@ -72,13 +65,20 @@ fn judge(series: &Series) -> Calibration {
         site_latitude_rad: Some(series.heliostat.latitude_rad),
         ..Context::default()
     };
-    calibrate(
+    let answer = calibrate(
         &series.heliostat.mount,
         &series.observations,
         &context,
         &CalibrateOptions::default(),
     )
-    .unwrap()
+    .unwrap();
+    let called_wrong = |f: &Finding| matches!(f, Finding::WrongCall { .. });
+    assert!(
+        !answer.findings.iter().any(called_wrong),
+        "{:?}",
+        answer.findings
+    );
+    answer
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
@@ -187,14 +187,7 @@ fn an_excursion_is_an_epoch_of_its_own() {
             ..there
         };
         options.jumps = vec![there, back];
-        let simulated = simulate(
-            &heliostat.mount,
-            &heliostat.truth,
-            &heliostat.targets,
-            &heliostat.site,
-            &options,
-        )
-        .unwrap();
+        let simulated = heliostat.observe(&options).unwrap();
         let answer = judge(&Series {
             observations: simulated.observations,
             first_after: None,

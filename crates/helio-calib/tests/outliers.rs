@@ -13,9 +13,10 @@ use helio_calib::diagnosis::{
     CalibrateOptions, Calibration, Context, Finding, Reason, Verdict, WrongCall, calibrate,
 };
 use helio_calib::random::Random;
-use helio_calib::simulate::{Fault, SimulateOptions, Simulated, simulate};
-use helio_calib::{CalibrationError, Mount, Observation};
+use helio_calib::simulate::{Fault, SimulateOptions, Simulated};
+use helio_calib::{CalibrationError, FitOptions, Mount, Observation, fit};
 use helio_core::EnuUnit;
+use helio_core::sun::position;
 
 fn judge(heliostat: &Heliostat, observations: &[Observation], neighbours: &[Mount]) -> Calibration {
     let context = Context {
@@ -40,14 +41,7 @@ fn campaign(
     let heliostat = Heliostat::draw(random);
     let mut options = heliostat.options(random);
     change(&mut options);
-    let simulated = simulate(
-        &heliostat.mount,
-        &heliostat.truth,
-        &heliostat.targets,
-        &heliostat.site,
-        &options,
-    )
-    .unwrap();
+    let simulated = heliostat.observe(&options).unwrap();
     (heliostat, simulated)
 }
 
@@ -124,14 +118,7 @@ fn foreign_records_are_named() {
         options.wrong_heliostat_share = 0.1;
         options.wrong_target_share = 0.1;
         options.neighbours = vec![neighbours[0]];
-        let simulated = simulate(
-            &heliostat.mount,
-            &heliostat.truth,
-            &heliostat.targets,
-            &heliostat.site,
-            &options,
-        )
-        .unwrap();
+        let simulated = heliostat.observe(&options).unwrap();
         let mounts: Vec<Mount> = neighbours.iter().map(|(mount, _)| *mount).collect();
         let answer = judge(&heliostat, &simulated.observations, &mounts);
         for (row, truth) in simulated.truth.iter().enumerate() {
@@ -175,7 +162,19 @@ fn wrong_calls_are_recognised() {
             EnuUnit::from_azimuth_elevation(azimuth(o.sun.azimuth_rad()), o.sun.elevation_rad());
     };
     type Change = fn(&mut Observation);
-    let changes: [(WrongCall, Change); 5] = [
+    let changes: [(WrongCall, Change); 9] = [
+        (WrongCall::Axis1InDegrees, |o| {
+            o.axis1_rad = o.axis1_rad.to_degrees();
+        }),
+        (WrongCall::Axis1InRadians, |o| {
+            o.axis1_rad = o.axis1_rad.to_radians();
+        }),
+        (WrongCall::Axis2InDegrees, |o| {
+            o.axis2_rad = o.axis2_rad.to_degrees();
+        }),
+        (WrongCall::Axis2InRadians, |o| {
+            o.axis2_rad = o.axis2_rad.to_radians();
+        }),
         (WrongCall::EncoderInDegrees, |o| {
             o.axis1_rad = o.axis1_rad.to_degrees();
             o.axis2_rad = o.axis2_rad.to_degrees();
@@ -224,6 +223,117 @@ fn wrong_calls_are_recognised() {
     check(WrongCall::SunFromSouthWestward, &|o| {
         turned(o, |a| a + std::f64::consts::PI)
     });
+}
+
+/// Suns from the ephemeris, for times with a wrong offset from UTC.
+#[test]
+fn times_with_a_wrong_offset_are_named() {
+    let mut random = Random::new(37);
+    eprintln!("offset  campaigns  named rightly  named otherwise  refused");
+    for minutes in [-660, -330, -120, -60, -30, 30, 60, 120, 330, 600] {
+        let (mut right, mut otherwise, mut refused) = (0, 0, 0);
+        let campaigns = 20;
+        for _ in 0..campaigns {
+            let (heliostat, simulated) = campaign(&mut random, |options| options.count = 40);
+            let mut observations = simulated.observations;
+            for o in &mut observations {
+                let unix_ns = o.unix_ns.unwrap() + i64::from(minutes) * 60_000_000_000;
+                let at = position(&heliostat.site, unix_ns, None, 0.0).unwrap();
+                o.sun = at.direction();
+                o.unix_ns = Some(unix_ns);
+            }
+            let answer = judge(&heliostat, &observations, &[]);
+            for finding in &answer.findings {
+                if let Finding::WrongCall { call, .. } = finding {
+                    let early_minutes = -minutes;
+                    let named = *call == WrongCall::TimesOff { early_minutes };
+                    right += u32::from(named);
+                    otherwise += u32::from(!named);
+                }
+            }
+            refused += u32::from(answer.epochs.iter().all(|e| !e.verdict.is_determined()));
+        }
+        eprintln!("{minutes:>6}  {campaigns:>9}  {right:>13}  {otherwise:>15}  {refused:>7}");
+        assert!(right >= 19 && otherwise == 0, "{minutes}");
+        assert_eq!(refused, campaigns, "{minutes}");
+    }
+}
+
+/// Half of the records of another mount: whatever the others agree on is not to be trusted.
+#[test]
+fn a_campaign_of_which_much_does_not_fit_is_refused() {
+    let mut random = Random::new(38);
+    eprintln!("share wrong  campaigns  determined  mean share set aside");
+    for (share, trusted) in [(0.1, true), (0.2, true), (0.4, false), (0.5, false)] {
+        let (mut determined, mut aside) = (0, 0.0);
+        let campaigns = 30;
+        for _ in 0..campaigns {
+            let (heliostat, simulated) = campaign(&mut random, |options| {
+                options.count = 60;
+                options.noise_mrad = 0.3;
+            });
+            let mut observations = simulated.observations;
+            let wrong = (share * 60.0) as usize;
+            for o in observations.iter_mut().take(wrong) {
+                // anywhere on the board, wherever the beam went
+                o.u_m = random.between(-3.0, 3.0);
+                o.v_m = random.between(-3.0, 3.0);
+            }
+            observations.rotate_left(random.below(60));
+            let options = CalibrateOptions {
+                jumps: false,
+                ..CalibrateOptions::default()
+            };
+            let context = Context {
+                site_latitude_rad: Some(heliostat.latitude_rad),
+                ..Context::default()
+            };
+            let answer = calibrate(&heliostat.mount, &observations, &context, &options).unwrap();
+            let left = answer.rejected.len();
+            let verdict = &answer.epochs[0].verdict;
+            determined += u32::from(verdict.is_determined());
+            aside += left as f64 / 60.0;
+            assert!(3 * left <= 60 || !verdict.is_determined());
+            if 3 * left > 60 && answer.findings.is_empty() {
+                assert!(verdict.to_string().contains("do not fit"), "{verdict}");
+            }
+        }
+        let mean = aside / f64::from(campaigns);
+        eprintln!("{share:>11}  {campaigns:>9}  {determined:>10}  {mean:>20.2}");
+        if trusted {
+            assert_eq!(determined, campaigns, "{share}");
+        } else {
+            assert_eq!(determined, 0, "{share}");
+        }
+    }
+}
+
+#[test]
+fn a_sigma_stated_for_some_records_only_is_refused() {
+    let mut random = Random::new(39);
+    let (heliostat, simulated) = campaign(&mut random, |options| options.count = 20);
+    let mut observations = simulated.observations;
+    for o in &mut observations {
+        o.sigma_m = Some(0.1);
+    }
+    observations[7].sigma_m = None;
+    let wanted = CalibrationError::SigmaMissing { row: 7, stated: 0 };
+    assert_eq!(
+        fit(&heliostat.mount, &observations, &FitOptions::default()),
+        Err(wanted.clone())
+    );
+    let options = CalibrateOptions::default();
+    let refused = calibrate(
+        &heliostat.mount,
+        &observations,
+        &Context::default(),
+        &options,
+    );
+    assert_eq!(refused, Err(wanted.clone()));
+    assert_eq!(
+        wanted.to_string(),
+        "observation 7 states no sigma_m, but observation 0 does: state it for all or for none"
+    );
 }
 
 #[test]

@@ -14,8 +14,6 @@ use helio_core::TrackingMode;
 use rayon::prelude::*;
 
 const HELIOSTATS: u64 = 10_000;
-/// How many of them are fitted from plain zeros too, where not all can be reached.
-const FROM_ZEROS: u64 = 1_000;
 
 #[test]
 fn every_random_heliostat_reaches_its_optimum_from_cold() {
@@ -26,11 +24,7 @@ fn every_random_heliostat_reaches_its_optimum_from_cold() {
                 start,
                 ..FitOptions::default()
             };
-            let count = match start {
-                Start::Cold => HELIOSTATS,
-                _ => FROM_ZEROS,
-            };
-            let found: Vec<(bool, usize, String)> = (0..count)
+            let found: Vec<(bool, usize, String)> = (0..HELIOSTATS)
                 .into_par_iter()
                 .map(|seed| {
                     let mut rng = Rng::new(seed);
@@ -68,13 +62,17 @@ fn every_random_heliostat_reaches_its_optimum_from_cold() {
                 *histogram.entry(*iterations).or_insert(0_usize) += 1;
             }
             println!(
-                "{solver:?} from {start:?}: {} of {count} reach the optimum",
+                "{solver:?} from {start:?}: {} of {HELIOSTATS} reach the optimum",
                 found.len() - missed.len()
             );
             println!("iterations: heliostats {histogram:?}");
-            if start == Start::Cold {
-                assert!(missed.is_empty(), "{} missed: {missed:#?}", missed.len());
-            }
+            // Without a scan some end in another valley or on the way.
+            let allowed = match start {
+                Start::Cold => 0,
+                _ => HELIOSTATS as usize / 200,
+            };
+            let count = missed.len();
+            assert!(count <= allowed, "{count} missed: {missed:#?}");
         }
     }
 }

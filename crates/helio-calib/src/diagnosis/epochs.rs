@@ -8,6 +8,10 @@ use crate::model::Pose;
 pub const SHORTEST: usize = 3;
 /// A record costs at most this many scales squared, so that a wrong one makes no epoch.
 const MOST: f64 = 16.0;
+/// A change that lowers a cost by less than this many scales squared is at its best.
+const SETTLED: f64 = 1e-4;
+/// A record that is nearer to its spot than this many scales asks for no other references.
+const EXACT_SCALES: f64 = 1e-4;
 /// Cost of a change: this many times the logarithm of the number of records, in scales squared.
 const PENALTY: f64 = 6.0;
 /// A change must be larger than this many of its standard deviations ...
@@ -17,6 +21,10 @@ const FLOORS: f64 = 4.0;
 /// A linear drive whose zero point jumps moves its axis by nearly, not exactly, the same angle everywhere: this
 /// share of the change may be missing from a record.
 const UNEVEN: f64 = 0.03;
+/// Records of a block whose least cost is known beforehand.
+const BLOCK: usize = 8;
+/// The cost of an epoch is found from two starts and may be this much too large, in scales squared.
+const SLACK: f64 = 5.0;
 /// Most boundaries that are looked at exactly.
 const EXACT: usize = 260;
 
@@ -97,6 +105,9 @@ fn capped(records: &[Linear], warm: [f64; 2]) -> (f64, [f64; 2]) {
     let cost = total(plain);
     if cost < best.0 {
         best = (cost, plain);
+        if records.iter().all(|l| l.square(plain) < MOST) {
+            return best;
+        }
     }
     for _ in 0..3 {
         let mut near = Normal::default();
@@ -113,32 +124,95 @@ fn capped(records: &[Linear], warm: [f64; 2]) -> (f64, [f64; 2]) {
         if cost >= best.0 {
             break;
         }
+        let settled = best.0 - cost < SETTLED;
         best = (cost, d);
+        if settled {
+            break;
+        }
     }
     best
 }
 
+/// Sums over whole blocks of what their records cost at least, whatever the epochs: entry k is of the first k.
+fn least(records: &[Linear]) -> Vec<f64> {
+    let mut sum = 0.0;
+    let of = |block: &[Linear]| {
+        let all = capped(block, [0.0; 2]).0;
+        if all < MOST {
+            return all;
+        }
+        // some are far off: each may be the one to start from
+        let starts = block.iter().map(|l| {
+            let mut own = Normal::default();
+            own.add(l, 1.0);
+            capped(block, own.solve()).0
+        });
+        starts.fold(all, f64::min)
+    };
+    let blocks = records.chunks_exact(BLOCK).map(|block| {
+        sum += of(block);
+        sum
+    });
+    core::iter::once(0.0).chain(blocks).collect()
+}
+
+/// What is known of epochs from one start on.
+#[derive(Clone, Copy)]
+struct From {
+    /// Record after the last that was looked at.
+    to: usize,
+    cost: f64,
+    change: [f64; 2],
+}
+
 /// Optimal segmentation (Jackson et al. 2005) with the bounded cost of Fearnhead and Rigaill 2019.
+///
+/// Epochs only become dearer as they grow, by no less than their new blocks cost by themselves: an epoch that
+/// cannot be the cheapest is not computed.
 fn segment(records: &[Linear], boundaries: &[usize]) -> Cuts {
     let n = records.len();
     let penalty = PENALTY * libm::log(n as f64);
+    let least = least(records);
     // boundaries: ascending, first 0, last n
     let m = boundaries.len();
     let mut costs = vec![f64::INFINITY; m];
     let mut from = vec![0; m];
     costs[0] = 0.0;
-    let mut changes = vec![[0.0; 2]; m];
+    let mut known: Vec<From> = boundaries
+        .iter()
+        .map(|&to| From {
+            to,
+            cost: 0.0,
+            change: [0.0; 2],
+        })
+        .collect();
     for end in 1..m {
-        for start in (0..end).rev() {
-            let (first, last) = (boundaries[start], boundaries[end]);
-            if last - first < SHORTEST || !costs[start].is_finite() {
+        let last = boundaries[end];
+        // the likeliest first
+        for start in [from[end - 1], 0].into_iter().chain((1..end).rev()) {
+            let first = boundaries[start];
+            if last < first + SHORTEST || !costs[start].is_finite() {
                 continue;
             }
-            let (cost, change) = capped(&records[first..last], changes[start]);
-            changes[start] = change;
-            let whole = costs[start] + cost + if start > 0 { penalty } else { 0.0 };
-            if whole < costs[end] {
-                (costs[end], from[end]) = (whole, start);
+            let before = costs[start] + if start > 0 { penalty } else { 0.0 };
+            let of = &mut known[start];
+            let blocks = of.to.div_ceil(BLOCK)..last / BLOCK;
+            let grown = if blocks.is_empty() {
+                0.0
+            } else {
+                least[blocks.end] - least[blocks.start]
+            };
+            if before + of.cost + grown >= costs[end] + SLACK {
+                continue;
+            }
+            let (cost, change) = capped(&records[first..last], of.change);
+            *of = From {
+                to: last,
+                cost,
+                change,
+            };
+            if before + cost < costs[end] {
+                (costs[end], from[end]) = (before + cost, start);
             }
         }
     }
@@ -163,7 +237,7 @@ fn linear(records: &[Record], epochs: &[usize], model: &Model, scale: f64) -> Ve
         .map(|(record, &epoch)| {
             let factor = record.precision / scale;
             let at = |pose: &Pose<f64>| {
-                let (r, slopes) = record.residual(pose);
+                let (r, slopes) = record.linearised(pose);
                 Linear {
                     r: r.map(|x| factor * x),
                     g: slopes.map(|s| REFERENCES.map(|k| factor * s[k])),
@@ -185,6 +259,9 @@ fn linear(records: &[Record], epochs: &[usize], model: &Model, scale: f64) -> Ve
                     break;
                 }
                 (here, best) = (there, next);
+                if length2(best.r) < EXACT_SCALES * EXACT_SCALES {
+                    break;
+                }
             }
             let back = [base[0] - here[0], base[1] - here[1]];
             Linear {
@@ -254,6 +331,12 @@ pub fn find(
         }
         prune(&flat, &mut next, floor_mrad / scale);
         let same = next == cuts;
+        if same && cuts.len() == 1 {
+            // one epoch, as the model has it
+            let squares = squares(records, &vec![0; n], &model);
+            scale = scale_of(&squares, frame.count(), floor_mrad).max(scale);
+            break;
+        }
         // references of each new epoch start from the best change
         let base = model.references[0];
         let ends = next.iter().skip(1).copied().chain([n]);
@@ -295,7 +378,7 @@ fn forgive(records: &mut [Record], epochs: &[usize], model: &Model, scale: f64) 
         .unwrap_or(0);
     let poses = model.poses();
     for (record, &epoch) in records.iter_mut().zip(epochs) {
-        let (_, slopes) = record.residual(&poses[epoch]);
+        let (_, slopes) = record.linearised(&poses[epoch]);
         let d = [0, 1].map(|k| model.references[epoch][k] - model.references[longest][k]);
         let effect = slopes.map(|s| {
             record.precision / scale * (s[REFERENCES[0]] * d[0] + s[REFERENCES[1]] * d[1])

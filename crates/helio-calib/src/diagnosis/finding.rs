@@ -80,10 +80,23 @@ pub enum WrongCall {
     EncoderInRadians,
     /// Encoder angles far beyond a few turns in any unit: motor steps.
     EncoderInSteps,
+    /// The first axis' angles in degrees where radians were meant, the second's not.
+    Axis1InDegrees,
+    /// The first axis' angles in radians that were taken for degrees, the second's not.
+    Axis1InRadians,
+    /// The second axis' angles in degrees where radians were meant, the first's not.
+    Axis2InDegrees,
+    /// The second axis' angles in radians that were taken for degrees, the first's not.
+    Axis2InRadians,
     /// Sun azimuth counted from south, positive toward east.
     SunFromSouthEastward,
     /// Sun azimuth counted from south, positive toward west.
     SunFromSouthWestward,
+    /// The suns are those of other times, as from times with a wrong offset from UTC.
+    TimesOff {
+        /// By how much earlier than the records, in minutes; negative where later.
+        early_minutes: i32,
+    },
     /// The first axis counts the other way. (A second axis that does is the same mount over the top, with references
     /// half a turn off: its parameters are right.)
     Axis1Flipped,
@@ -115,6 +128,11 @@ impl WrongCall {
             Self::EncoderInDegrees => "encoder_in_degrees",
             Self::EncoderInRadians => "encoder_in_radians",
             Self::EncoderInSteps => "encoder_in_steps",
+            Self::Axis1InDegrees => "axis1_in_degrees",
+            Self::Axis1InRadians => "axis1_in_radians",
+            Self::Axis2InDegrees => "axis2_in_degrees",
+            Self::Axis2InRadians => "axis2_in_radians",
+            Self::TimesOff { .. } => "times_off",
             Self::SunFromSouthEastward => "sun_from_south_eastward",
             Self::SunFromSouthWestward => "sun_from_south_westward",
             Self::Axis1Flipped => "axis1_flipped",
@@ -124,6 +142,13 @@ impl WrongCall {
             Self::SpotSwapped => "spot_swapped",
             Self::OtherHeliostat { .. } => "other_heliostat",
             Self::OtherTarget { .. } => "other_target",
+        }
+    }
+
+    const fn axis(self) -> &'static str {
+        match self {
+            Self::Axis1InDegrees | Self::Axis1InRadians => "first",
+            _ => "second",
         }
     }
 }
@@ -140,6 +165,22 @@ impl fmt::Display for WrongCall {
             Self::EncoderInSteps => write!(
                 f,
                 "encoder angles are far beyond a few turns: they look like motor steps"
+            ),
+            Self::Axis1InDegrees | Self::Axis2InDegrees => write!(
+                f,
+                "the {} axis' angles look like degrees taken for radians, the other's do not",
+                self.axis()
+            ),
+            Self::Axis1InRadians | Self::Axis2InRadians => write!(
+                f,
+                "the {} axis' angles look like radians taken for degrees, the other's do not",
+                self.axis()
+            ),
+            Self::TimesOff { early_minutes } => write!(
+                f,
+                "the suns look {} minutes too {}: are the times' offsets from UTC right?",
+                early_minutes.abs(),
+                if *early_minutes > 0 { "early" } else { "late" }
             ),
             Self::SunFromSouthEastward => write!(
                 f,

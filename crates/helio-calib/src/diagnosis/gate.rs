@@ -9,10 +9,9 @@
 use faer::Mat;
 use helio_core::{Enu, EnuUnit};
 
-use super::joint::{Columns, Frame, GEOMETRY, Model, REFERENCES, Record, dot};
-use crate::measures::pointing_sigma_mrad;
-use crate::observation::Mount;
-use crate::parameters::{COUNT, Parameters};
+use super::joint::{Columns, Frame, GEOMETRY, Model, REFERENCES, Record};
+use crate::measures::{dot, spread_mrad};
+use crate::parameters::COUNT;
 
 /// Angle between suns over which errors are shared \[rad\].
 const REACH_RAD: f64 = 0.35;
@@ -45,7 +44,7 @@ pub fn covariance(
     let poses = model.poses();
     let mut jacobian = Mat::<f64>::zeros(rows, n);
     for (at, &i) in kept.iter().enumerate() {
-        let (_, slopes) = records[i].residual(&poses[epochs[i]]);
+        let (_, slopes) = records[i].linearised(&poses[epochs[i]]);
         for (c, slopes) in slopes.iter().enumerate() {
             columns.place(epochs[i], slopes, |column, value| {
                 jacobian[(2 * at + c, column)] = records[i].precision * value;
@@ -74,34 +73,33 @@ pub fn covariance(
     if s[n - 1] <= RANK * s[0] {
         return None;
     }
-    // U of each direction side by side, times K
+    // Uᵀ K U of both directions. K is never stored: it would take the square of the records' number.
     let count = kept.len();
-    let across: [Mat<f64>; 2] = [0, 1].map(|c| {
-        Mat::from_fn(count, n, |at, k| {
-            records[kept[at]].precision * u[(2 * at + c, k)]
-        })
-    });
-    // K is never stored: it would take the square of the records' number
-    let shared = |a: usize, b: usize| {
-        let cosine = dot(records[kept[a]].sighting.sun, records[kept[b]].sighting.sun);
-        // 1 - cos = angle²/2 for the angles that matter
-        libm::exp((cosine.min(1.0) - 1.0) / (REACH_RAD * REACH_RAD))
-    };
+    let across: Vec<f64> = (0..2 * count)
+        .flat_map(|row| (0..n).map(move |k| (row, k)))
+        .map(|(row, k)| records[kept[row / 2]].precision * u[(row, k)])
+        .collect();
     let mut middle = Mat::<f64>::zeros(n, n);
+    let mut shared = vec![0.0; 2 * n];
     for a in 0..count {
-        let mut row = Mat::<f64>::zeros(2, n);
-        for b in 0..count {
-            let k = shared(a, b);
-            for (c, u) in across.iter().enumerate() {
-                for column in 0..n {
-                    row[(c, column)] += k * u[(b, column)];
-                }
+        // half of itself and all before, for K is the same from both sides
+        let own = &across[2 * n * a..2 * n * (a + 1)];
+        for (sum, value) in shared.iter_mut().zip(own) {
+            *sum = 0.5 * value;
+        }
+        let sun = records[kept[a]].sighting.sun;
+        for (&other, values) in kept[..a].iter().zip(across.chunks_exact(2 * n)) {
+            let cosine = dot(sun, records[other].sighting.sun);
+            // 1 - cos = angle²/2 for the angles that matter
+            let k = libm::exp((cosine.min(1.0) - 1.0) / (REACH_RAD * REACH_RAD));
+            for (sum, value) in shared.iter_mut().zip(values) {
+                *sum += k * value;
             }
         }
-        for (c, u) in across.iter().enumerate() {
+        for (own, shared) in own.chunks_exact(n).zip(shared.chunks_exact(n)) {
             for p in 0..n {
                 for q in 0..n {
-                    middle[(p, q)] += u[(a, p)] * row[(c, q)];
+                    middle[(p, q)] += own[p] * shared[q] + own[q] * shared[p];
                 }
             }
         }
@@ -174,23 +172,20 @@ pub fn sky(observed: &[EnuUnit]) -> Vec<EnuUnit> {
     suns
 }
 
-/// RMS over suns of the beam error that a covariance causes \[mrad\]; suns that cannot be tracked do not count.
+/// RMS over suns of the beam error that a covariance causes \[mrad\], from what each parameter does to the beam at
+/// each of them that can be tracked.
 pub fn pointing_mrad(
-    mount: &Mount,
-    parameters: &Parameters,
     covariance: &[[f64; COUNT]; COUNT],
-    suns: &[EnuUnit],
-    aim: Enu,
+    tracked: &[[[f64; COUNT]; 2]],
 ) -> Option<f64> {
-    let mut sum = 0.0;
-    let mut count = 0;
-    for &sun in suns {
-        if let Some(sigma) = pointing_sigma_mrad(mount, parameters, covariance, sun, aim) {
-            sum += sigma * sigma;
-            count += 1;
-        }
-    }
-    (count > 0)
-        .then(|| libm::sqrt(sum / f64::from(count)))
+    let sum: f64 = tracked
+        .iter()
+        .map(|slopes| {
+            let sigma = spread_mrad(slopes, covariance);
+            sigma * sigma
+        })
+        .sum();
+    (!tracked.is_empty())
+        .then(|| libm::sqrt(sum / tracked.len() as f64))
         .filter(|p| p.is_finite())
 }

@@ -3,10 +3,13 @@
 //! The residual is the reflected direction r = -s + 2 (s·n) n along two directions across the one to
 //! the measured spot, in mrad: no beam misses it, and it is nearly linear in the parameters.
 
-use faer::Mat;
-use faer::linalg::solvers::SolveLstsq;
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::qr::no_pivoting::factor::{qr_in_place, qr_in_place_scratch};
+use faer::{Mat, Par};
 
 use crate::fit::{Constraint, FitOptions, Start};
+use crate::loss::median;
+use crate::measures::{angle_rad, cross, dot, reflected};
 use crate::model::{Pose, normal};
 use crate::observation::{Mount, Observation, Sighting};
 use crate::parameters::{COUNT, Parameter, Parameters};
@@ -33,6 +36,10 @@ const EXPECTED_BEAM_MRAD: f64 = 1.0;
 /// Student's degrees of freedom while records are judged.
 const DEGREES: f64 = 3.0;
 
+/// A robust solution is near enough where an iteration gains less than this share of its cost: what is computed with it
+/// are a scale and weights.
+const ROBUST_GAIN: f64 = 1e-6;
+
 /// A record along its mount's axes.
 #[derive(Debug, Clone, Copy)]
 pub struct Record {
@@ -46,18 +53,6 @@ pub struct Record {
     across: [[f64; 3]; 2],
     /// How much surer than the middle one, by the stated sigmas; 1 without.
     pub precision: f64,
-}
-
-pub fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-pub fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
 }
 
 fn unit(a: [f64; 3]) -> [f64; 3] {
@@ -98,30 +93,44 @@ impl Record {
         unit([0, 1, 2].map(|k| self.sighting.sun[k] + self.to_spot[k]))
     }
 
+    /// Unit vector of the beam.
+    fn beam(&self, pose: &Pose<f64>) -> [f64; 3] {
+        reflected(self.sighting.sun, normal(pose, &self.sighting).n)
+    }
+
+    /// Residual \[mrad\].
+    pub fn residual(&self, pose: &Pose<f64>) -> [f64; 2] {
+        let r = self.beam(pose);
+        self.across.map(|e| 1e3 * dot(e, r))
+    }
+
     /// Residual \[mrad\] and its slopes \[mrad/rad\].
-    pub fn residual(&self, pose: &Pose<f64>) -> ([f64; 2], [[f64; ANGLES]; 2]) {
+    pub fn linearised(&self, pose: &Pose<f64>) -> ([f64; 2], [[f64; ANGLES]; 2]) {
         let bent = normal(pose, &self.sighting);
         let s = self.sighting.sun;
         let n = bent.n;
         let sn = dot(s, n);
-        let r: [f64; 3] = core::array::from_fn(|k| 2.0 * sn * n[k] - s[k]);
+        let r = reflected(s, n);
         let residual = self.across.map(|e| 1e3 * dot(e, r));
+        // dr = 2 ((s·dn) n + (s·n) dn): both products taken once for all parameters
         let slopes = self.across.map(|e| {
             let en = dot(e, n);
-            bent.slopes
-                .map(|dn| 2e3 * (dot(s, dn) * en + sn * dot(e, dn)))
+            let turn: [f64; 3] = core::array::from_fn(|k| 2e3 * (en * s[k] + sn * e[k]));
+            bent.slopes.map(|dn| dot(turn, dn))
         });
         (residual, slopes)
     }
 
     /// Angle between the beam and the measured spot \[mrad\].
     pub fn beam_mrad(&self, pose: &Pose<f64>) -> f64 {
-        let bent = normal(pose, &self.sighting);
-        let s = self.sighting.sun;
-        let sn = dot(s, bent.n);
-        let r: [f64; 3] = core::array::from_fn(|k| 2.0 * sn * bent.n[k] - s[k]);
-        let c = cross(r, self.to_spot);
-        1e3 * libm::atan2(libm::sqrt(dot(c, c)), dot(r, self.to_spot))
+        1e3 * angle_rad(self.beam(pose), self.to_spot)
+    }
+
+    /// Squared distance of the beam's end from the spot's on the unit sphere: grows with the angle, at less work.
+    pub fn chord2(&self, pose: &Pose<f64>) -> f64 {
+        let r = self.beam(pose);
+        let off: [f64; 3] = core::array::from_fn(|k| r[k] - self.to_spot[k]);
+        dot(off, off)
     }
 }
 
@@ -147,20 +156,6 @@ pub fn records(mount: &Mount, observations: &[Observation], rows: &[usize]) -> V
         }
     }
     records
-}
-
-/// The middle value; NaN of nothing.
-pub fn median(mut values: Vec<f64>) -> f64 {
-    if values.is_empty() {
-        return f64::NAN;
-    }
-    values.sort_by(f64::total_cmp);
-    let half = values.len() / 2;
-    if values.len() % 2 == 1 {
-        values[half]
-    } else {
-        0.5 * (values[half - 1] + values[half])
-    }
 }
 
 /// What is free and what is expected.
@@ -285,26 +280,26 @@ pub enum Judge<'a> {
 }
 
 impl Judge<'_> {
-    /// Cost and weight of a squared residual.
-    fn of(self, i: usize, square: f64) -> (f64, f64) {
+    /// Cost of a squared residual.
+    fn cost(self, i: usize, square: f64) -> f64 {
         match self {
-            Self::Marked(marks) => {
-                if marks[i] {
-                    (square, 1.0)
-                } else {
-                    (0.0, 0.0)
-                }
+            Self::Marked(marks) if marks[i] => square,
+            Self::Student(marks, scale) if marks[i] => {
+                let variance = scale * scale;
+                (DEGREES + 2.0) * variance * libm::log1p(square / (variance * DEGREES))
             }
-            Self::Student(marks, scale) => {
-                if !marks[i] {
-                    return (0.0, 0.0);
-                }
-                let z = square / (scale * scale);
-                (
-                    (DEGREES + 2.0) * scale * scale * libm::log1p(z / DEGREES),
-                    (DEGREES + 2.0) / (DEGREES + z),
-                )
+            _ => 0.0,
+        }
+    }
+
+    /// Its weight.
+    fn weight(self, i: usize, square: f64) -> f64 {
+        match self {
+            Self::Marked(marks) if marks[i] => 1.0,
+            Self::Student(marks, scale) if marks[i] => {
+                (DEGREES + 2.0) / (DEGREES + square / (scale * scale))
             }
+            _ => 0.0,
         }
     }
 }
@@ -352,9 +347,9 @@ fn cost(
     let poses = model.poses();
     let mut cost = expectation(frame, model);
     for (i, (record, &epoch)) in records.iter().zip(epochs).enumerate() {
-        let (r, _) = record.residual(&poses[epoch]);
+        let r = record.residual(&poses[epoch]);
         let square = record.precision * record.precision * (r[0] * r[0] + r[1] * r[1]);
-        cost += judge.of(i, square).0;
+        cost += judge.cost(i, square);
     }
     cost
 }
@@ -406,6 +401,29 @@ impl Columns {
     }
 }
 
+/// Solves least squares by QR; the right side is the last column of the matrix, which is used up.
+fn least_squares(matrix: &mut Mat<f64>, scratch: &mut MemBuffer) -> Vec<f64> {
+    let n = matrix.ncols() - 1;
+    // one column at a time: blocks are for larger matrices
+    let mut reflections = Mat::<f64>::zeros(1, n + 1);
+    qr_in_place(
+        matrix.as_mut(),
+        reflections.as_mut(),
+        Par::Seq,
+        MemStack::new(scratch),
+        Default::default(),
+    );
+    let mut solution = vec![0.0; n];
+    for i in (0..n).rev() {
+        let mut rest = matrix[(i, n)];
+        for k in i + 1..n {
+            rest -= matrix[(i, k)] * solution[k];
+        }
+        solution[i] = rest / matrix[(i, i)];
+    }
+    solution
+}
+
 /// Levenberg-Marquardt, each step by QR of the weighted Jacobian over its damping.
 pub fn solve(
     frame: &Frame,
@@ -422,49 +440,64 @@ pub fn solve(
     if n == 0 {
         return (model, best);
     }
-    let mut damping = 1e-4;
+    let enough = match judge {
+        Judge::Marked(_) => 1e-10,
+        Judge::Student(..) => ROBUST_GAIN,
+    };
+    let mut damping = 1e-7;
+    let expected = 2 * records.len();
+    let mut system = Mat::<f64>::zeros(expected + 2 * n, n + 1);
+    let mut work = system.clone();
+    let mut scratch = MemBuffer::new(qr_in_place_scratch::<f64>(
+        expected + 2 * n,
+        n + 1,
+        1,
+        Par::Seq,
+        Default::default(),
+    ));
     for _ in 0..iterations {
         let poses = model.poses();
-        let rows = 2 * records.len() + 2 * n;
-        let mut jacobian = Mat::<f64>::zeros(rows, n);
-        let mut rhs = Mat::<f64>::zeros(rows, 1);
+        system.fill(0.0);
         for (i, (record, &epoch)) in records.iter().zip(epochs).enumerate() {
-            let (r, slopes) = record.residual(&poses[epoch]);
+            let (r, slopes) = record.linearised(&poses[epoch]);
             let square = record.precision * record.precision * (r[0] * r[0] + r[1] * r[1]);
-            let (_, weight) = judge.of(i, square);
+            let weight = judge.weight(i, square);
             if weight == 0.0 {
                 continue;
             }
             let root = libm::sqrt(weight) * record.precision;
             for (c, slopes) in slopes.iter().enumerate() {
                 columns.place(epoch, slopes, |column, value| {
-                    jacobian[(2 * i + c, column)] = root * value;
+                    system[(2 * i + c, column)] = root * value;
                 });
-                rhs[(2 * i + c, 0)] = -root * r[c];
+                system[(2 * i + c, n)] = -root * r[c];
             }
         }
-        let expected = 2 * records.len();
         for column in 0..n {
             let (k, value) = columns.value(&mut model, column);
             if let Some((mean, sigma)) = frame.expected[k] {
-                jacobian[(expected + column, column)] = EXPECTED_BEAM_MRAD / sigma;
-                rhs[(expected + column, 0)] = EXPECTED_BEAM_MRAD * (mean - *value) / sigma;
+                system[(expected + column, column)] = EXPECTED_BEAM_MRAD / sigma;
+                system[(expected + column, n)] = EXPECTED_BEAM_MRAD * (mean - *value) / sigma;
             }
         }
         let norms: Vec<f64> = (0..n)
-            .map(|column| jacobian.col(column).norm_l2().max(1e-6))
+            .map(|column| {
+                let squares = system.col_as_slice(column).iter().map(|x| x * x);
+                libm::sqrt(squares.sum()).max(1e-6)
+            })
             .collect();
         let mut moved = None;
-        for _ in 0..8 {
+        for _ in 0..11 {
+            work.copy_from(&system);
             for (column, norm) in norms.iter().enumerate() {
-                jacobian[(expected + n + column, column)] = libm::sqrt(damping) * norm;
+                work[(expected + n + column, column)] = libm::sqrt(damping) * norm;
             }
-            let step = jacobian.qr().solve_lstsq(&rhs);
+            let step = least_squares(&mut work, &mut scratch);
             let mut trial = model.clone();
             let mut largest = 0.0_f64;
-            for column in 0..n {
-                *columns.value(&mut trial, column).1 += step[(column, 0)];
-                largest = largest.max(step[(column, 0)].abs());
+            for (column, step) in step.iter().enumerate() {
+                *columns.value(&mut trial, column).1 += step;
+                largest = largest.max(step.abs());
             }
             let now = cost(frame, records, epochs, &trial, judge);
             if now <= best && largest.is_finite() {
@@ -479,7 +512,7 @@ pub fn solve(
         };
         let gain = best - now;
         (model, best) = (trial, now);
-        if largest < 1e-9 || gain <= 1e-10 * best {
+        if largest < 1e-9 || gain <= enough * best {
             break;
         }
     }

@@ -31,7 +31,10 @@ pub use words::Weakness;
 
 use crate::covariance::{Uncertainty, uncertainty};
 use crate::error::CalibrationError;
-use crate::fit::{Constraint, Fit, FitOptions, Start, fit};
+use crate::fit::{Constraint, Fit, FitOptions, Start, all_or_none_stated, fit};
+use crate::loss::median;
+use crate::measures::beam_slopes;
+use crate::model::Pose;
 use crate::observation::{Mount, Observation};
 use crate::parameters::Parameters;
 
@@ -180,6 +183,12 @@ fn explained(as_given_mrad: f64, records: usize) -> f64 {
 
 /// Another reading of the records must leave this part of a large error at most.
 const EXPLAINED: f64 = 0.25;
+/// Other times are named only where at least so many records ...
+const TIMES_RECORDS: usize = 12;
+/// ... have at most this median beam error with them \[mrad\], refraction and declination being those of the given times.
+const TIMES_MRAD: f64 = 2.5;
+/// Records of an epoch that may not fit, one in so many: with more, the others' agreement may be chance.
+const MOST_REJECTED: usize = 3;
 /// No pedestal leans so far \[rad\].
 const UPSIDE_DOWN_RAD: f64 = 0.8;
 /// Suns nearer to each other than this are at one time \[rad\]: about two minutes.
@@ -187,7 +196,7 @@ const ONE_TIME_RAD: f64 = 0.009;
 
 /// Calibrates one heliostat from its records as they come; see the [module](self) for how.
 ///
-/// Nothing about the records is an error: what is wrong with them is in the answer.
+/// Nothing about the records but the last of these is an error: what is wrong with them is in the answer.
 ///
 /// ```
 /// # use helio_calib::{Mount, Observation, Parameters};
@@ -207,7 +216,8 @@ const ONE_TIME_RAD: f64 = 0.009;
 /// ```
 ///
 /// # Errors
-/// [`CalibrationError`] for options that make no sense, or a mount whose place is not finite.
+/// [`CalibrationError`] for options that make no sense, a mount whose place is not finite, or records of which some
+/// state a sigma and others none.
 pub fn calibrate(
     mount: &Mount,
     observations: &[Observation],
@@ -217,6 +227,7 @@ pub fn calibrate(
     check(mount, options)?;
     let mut answer = Calibration::default();
     let rows = usable(observations, &mut answer.rejected);
+    all_or_none_stated(rows.iter().map(|&row| (row, &observations[row])))?;
     let frame = joint::Frame::new(mount, &options.fit);
     let free = options.fit.free().count();
     let wanted = match options.fit.residual {
@@ -252,7 +263,7 @@ pub fn calibrate(
     let (elected, _) = votes::elect(&frame, &records);
     let (model, scale) = robust::start(&frame, &records, &elected, options.seed, 0.5 * QUIET_MRAD);
     let one = vec![0; records.len()];
-    let middle = joint::median(
+    let middle = median(
         joint::squares(&records, &one, &model)
             .into_iter()
             .map(libm::sqrt)
@@ -272,12 +283,35 @@ pub fn calibrate(
             &rows,
             &frame,
         );
-        match reading {
-            Some((call, corrected_mrad))
-                if corrected_mrad < UNEXPLAINED_MRAD
-                    && (corrected_mrad < explained(as_given_mrad, rows.len()) * as_given_mrad
-                        || (tilt_rad > UPSIDE_DOWN_RAD && call == WrongCall::Axis1Flipped)) =>
-            {
+        let plain = reading.filter(|&(call, corrected_mrad)| {
+            corrected_mrad < UNEXPLAINED_MRAD
+                && (corrected_mrad < explained(as_given_mrad, rows.len()) * as_given_mrad
+                    || (tilt_rad > UPSIDE_DOWN_RAD && call == WrongCall::Axis1Flipped))
+        });
+        let times = context.site_latitude_rad.and_then(|latitude_rad| {
+            let share = match rows.len() {
+                40.. => 0.6,
+                20..40 => 0.4,
+                TIMES_RECORDS..20 => 0.15,
+                _ => return None,
+            };
+            let limit_mrad = TIMES_MRAD.min(share * as_given_mrad);
+            let best = |half_hours| {
+                votes::other_times(mount, latitude_rad, observations, &rows, &frame, half_hours)
+            };
+            // a small error is of a small offset, and half an hour nearer to the truth leaves less of it
+            if as_given_mrad < UNEXPLAINED_MRAD && best(-1..=1)?.1 > as_given_mrad {
+                return None;
+            }
+            best(-23..=24).filter(|&(_, corrected_mrad)| corrected_mrad < limit_mrad)
+        });
+        // of two that explain the records, the plainer one unless it explains them much less
+        let named = match (plain, times) {
+            (Some(plain), Some(times)) if times.1 > 0.5 * plain.1 => Some(plain),
+            (plain, times) => times.or(plain),
+        };
+        match named {
+            Some((call, corrected_mrad)) => {
                 sound = false;
                 refuse(
                     Finding::WrongCall {
@@ -289,7 +323,7 @@ pub fn calibrate(
                 );
             }
             // jumps may explain it yet
-            _ => unexplained = middle > UNEXPLAINED_MRAD,
+            None => unexplained = middle > UNEXPLAINED_MRAD,
         }
     }
 
@@ -305,7 +339,7 @@ pub fn calibrate(
         (model, vec![true; records.len()], scale)
     };
     if unexplained {
-        let median_mrad = joint::median(
+        let median_mrad = median(
             joint::squares(&records, &epoch_of, &model)
                 .into_iter()
                 .map(libm::sqrt)
@@ -565,9 +599,18 @@ impl Campaign<'_> {
             };
             match chosen {
                 Some(mut chosen) => {
+                    let all = self.epoch_of.iter().filter(|&&e| e == epoch).count();
+                    let left = all - members.len();
                     if let Some(why) = refused {
                         chosen.verdict = Verdict::Undetermined {
                             why: why.to_owned(),
+                        };
+                    } else if left * MOST_REJECTED > all {
+                        chosen.verdict = Verdict::Undetermined {
+                            why: format!(
+                                "{left} of {all} records do not fit: with more than one in \
+                                 {MOST_REJECTED}, the others may agree by chance"
+                            ),
                         };
                     }
                     answer.epochs.push(chosen);
@@ -717,9 +760,17 @@ impl Campaign<'_> {
         };
         let aim = self.aim();
         let limit_mrad = self.options.max_year_pointing_mrad;
-        let pointing = covariance.as_ref().and_then(|covariance| {
-            gate::pointing_mrad(self.mount, &fit.parameters, covariance, suns, aim)
-        });
+        let pose = Pose::of(&fit.parameters);
+        let (tracked, slopes): (Vec<_>, Vec<_>) = suns
+            .iter()
+            .filter_map(|&sun| {
+                let slopes = beam_slopes(self.mount, &fit.parameters, &pose, sun, aim)?;
+                Some((sun, slopes))
+            })
+            .unzip();
+        let pointing = covariance
+            .as_ref()
+            .and_then(|covariance| gate::pointing_mrad(covariance, &slopes));
         let along = |m: &[[f64; crate::parameters::COUNT]; crate::parameters::COUNT]| {
             let w = &uncertainty.weakest;
             let mut sum = 0.0;
@@ -732,13 +783,11 @@ impl Campaign<'_> {
         };
         let observed: Vec<_> = observations.iter().map(|o| o.sun).collect();
         let weakness = words::weakness(
-            self.mount,
-            &fit.parameters,
             &uncertainty.weakest,
             covariance.as_ref().map_or(f64::INFINITY, along),
             &observed,
-            suns,
-            aim,
+            &tracked,
+            &slopes,
         );
         let verdict = if !fit.stop.converged() {
             Verdict::Undetermined {

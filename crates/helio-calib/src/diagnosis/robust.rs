@@ -2,7 +2,8 @@
 
 use faer::Mat;
 
-use super::joint::{Columns, Frame, Judge, Model, Record, median, solve, squares};
+use super::joint::{Columns, Frame, Judge, Model, Record, solve, squares};
+use crate::loss::median;
 use crate::parameters::Parameters;
 use crate::random::Random;
 
@@ -283,7 +284,7 @@ fn outside(
     let mut used = Mat::<f64>::zeros(2 * records.len(), n);
     let mut residuals = Vec::with_capacity(records.len());
     for (i, (record, &epoch)) in records.iter().zip(epochs).enumerate() {
-        let (r, slopes) = record.residual(&poses[epoch]);
+        let (r, slopes) = record.linearised(&poses[epoch]);
         residuals.push(r.map(|x| x * record.precision));
         for (c, slopes) in slopes.iter().enumerate() {
             columns.place(epoch, slopes, |column, value| {

@@ -4,9 +4,7 @@ use core::fmt;
 
 use helio_core::{Enu, EnuUnit};
 
-use crate::measures::pointing_sigma_mrad;
-use crate::observation::Mount;
-use crate::parameters::{COUNT, Parameter, Parameters};
+use crate::parameters::{COUNT, Parameter};
 
 /// A part of the direction smaller than this share of its largest is not named.
 const NAMED: f64 = 0.35;
@@ -38,33 +36,27 @@ impl fmt::Display for Weakness {
     }
 }
 
-/// Puts a direction of parameters into words; `suns` are those that the heliostat will have to follow.
+/// Puts a direction of parameters into words; `tracked` are suns that the heliostat will have to follow,
+/// `slopes` what each parameter does to the beam there.
 pub fn weakness(
-    mount: &Mount,
-    parameters: &Parameters,
     direction: &[f64; COUNT],
     sigma_rad: f64,
     observed: &[EnuUnit],
-    suns: &[EnuUnit],
-    aim: Enu,
+    tracked: &[EnuUnit],
+    slopes: &[[[f64; COUNT]; 2]],
 ) -> Weakness {
     let mut named: Vec<Parameter> = Parameter::ALL.to_vec();
     let part = |p: Parameter| direction[p as usize].abs();
     let largest = named.iter().map(|&p| part(p)).fold(0.0, f64::max);
     named.retain(|&p| largest > 0.0 && part(p) >= NAMED * largest);
     named.sort_by(|&a, &b| part(b).total_cmp(&part(a)));
-    let mut one = [[0.0; COUNT]; COUNT];
-    for (a, row) in one.iter_mut().enumerate() {
-        for (b, value) in row.iter_mut().enumerate() {
-            *value = direction[a] * direction[b];
-        }
-    }
     // the sun whose beam tells most about the combination
     let mut best: Option<(f64, EnuUnit)> = None;
-    for &sun in suns {
-        if let Some(gain) = pointing_sigma_mrad(mount, parameters, &one, sun, aim)
-            && best.is_none_or(|(most, _)| gain > most)
-        {
+    for (&sun, slopes) in tracked.iter().zip(slopes) {
+        let [right, down] =
+            slopes.map(|by| by.iter().zip(direction).map(|(s, d)| s * d).sum::<f64>());
+        let gain = libm::hypot(right, down);
+        if best.is_none_or(|(most, _)| gain > most) {
             best = Some((gain, sun));
         }
     }

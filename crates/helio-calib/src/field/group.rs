@@ -46,6 +46,8 @@ pub(super) struct Group {
     pub offset_m: Eight,
     /// 1 where a sigma is stated; where none is, residuals are their own weighted ones.
     pub stated: Eight,
+    /// How many observations state a sigma.
+    stated_count: [usize; BLOCK],
     planes: [Vec<OfPlane>; BLOCK],
 }
 
@@ -97,22 +99,26 @@ fn is_frame(plane: &TargetPlane) -> bool {
 }
 
 impl Group {
-    /// Takes eight campaigns, none without observations. False where a plane's axes are not square.
+    /// Takes eight campaigns, none without observations. False where they are not for the lanes: a plane's axes are
+    /// not square, or some observations state a sigma and others none.
     ///
     /// Not part of the kernel: with its instructions the compiler would gather and scatter, which is slower.
     pub fn fill(&mut self, campaigns: &[&Campaign<'_>; BLOCK]) -> [bool; BLOCK] {
         if !self.fill_alike(campaigns) {
             self.fill_mixed(campaigns);
         }
-        let mut square = [true; BLOCK];
+        let mut fit = [true; BLOCK];
         for (lane, campaign) in campaigns.iter().enumerate() {
             self.offset_m[lane] = campaign.mount.mirror_offset_m;
+            self.stated[lane] = f64::from(u8::from(self.stated_count[lane] > 0));
             let first = campaign.observations.first();
-            square[lane] = first.is_none_or(|o| is_frame(&o.plane))
+            let stated = self.stated_count[lane];
+            fit[lane] = (stated == 0 || stated == campaign.observations.len())
+                && first.is_none_or(|o| is_frame(&o.plane))
                 && (self.segments.len() == 1
                     || self.planes[lane].iter().all(|of| is_frame(&of.plane)));
         }
-        square
+        fit
     }
 
     /// If every heliostat saw one target only.
@@ -130,7 +136,7 @@ impl Group {
             self.rows.resize(longest, Columns([[0.0; BLOCK]; ROW]));
         }
         let mut apart = 0;
-        self.stated = [0.0; BLOCK];
+        self.stated_count = [0; BLOCK];
         // Some rows of each heliostat in turn: reads follow memory, writes stay in the nearest cache.
         for (block, rows) in self.rows[..longest].chunks_mut(TOGETHER).enumerate() {
             let begin = block * TOGETHER;
@@ -142,9 +148,7 @@ impl Group {
                     ask_for(observation, TOGETHER);
                     apart |= difference(&first.plane, &observation.plane);
                     place(row, lane, observation);
-                    if observation.sigma_m.is_some() {
-                        self.stated[lane] = 1.0;
-                    }
+                    self.stated_count[lane] += usize::from(observation.sigma_m.is_some());
                 }
                 for row in rows.iter_mut().skip(some.len()) {
                     place(row, lane, first);

@@ -236,7 +236,7 @@ impl Field<'_> {
                 let chosen: [&Campaign<'_>; BLOCK] = core::array::from_fn(|lane| {
                     &self.campaigns[*members[..long].get(lane).unwrap_or(&first)]
                 });
-                let square = group.fill(&chosen);
+                let for_lanes = group.fill(&chosen);
                 // Most likely this thread's next: on its way while the lanes are busy.
                 if let Some(soon) = groups.get(next.load(Ordering::Relaxed)) {
                     ask_for_first(soon.iter().map(|&k| &self.campaigns[k]));
@@ -248,7 +248,7 @@ impl Field<'_> {
                 };
                 run(self.level, job);
                 for (lane, &k) in members[..long].iter().enumerate() {
-                    let lanes = square[lane].then(|| self.answer(&answers, lane, chosen[lane]));
+                    let lanes = for_lanes[lane].then(|| self.answer(&answers, lane, chosen[lane]));
                     let answer = match lanes.flatten() {
                         Some(fit) if fit.iterations < SLOW_ITERATIONS => Ok(fit),
                         Some(fit) => self.better(fit, chosen[lane]),

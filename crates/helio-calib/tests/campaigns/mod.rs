@@ -5,7 +5,7 @@
 use helio_calib::aiming::encoder_angles_rad;
 use helio_calib::measures::beam_errors_mrad;
 use helio_calib::random::Random;
-use helio_calib::simulate::{Aiming, ErrorSpread, SimulateOptions};
+use helio_calib::simulate::{Aiming, ErrorSpread, SimulateOptions, Simulated, simulate};
 use helio_calib::{Mount, Observation, Parameters};
 use helio_core::sun::SunSite;
 use helio_core::{Enu, EnuUnit, MountAxes, TargetPlane, TrackingMode};
@@ -85,6 +85,11 @@ impl Heliostat {
             },
             ..SimulateOptions::default()
         }
+    }
+
+    /// Its records. Nothing where the sun never stands as the options ask.
+    pub fn observe(&self, options: &SimulateOptions) -> Option<Simulated> {
+        simulate(&self.mount, &self.truth, &self.targets, &self.site, options).ok()
     }
 
     /// RMS over the suns of a year of the beam error \[mrad\] when it aims at the first target with
