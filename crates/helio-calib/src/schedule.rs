@@ -45,6 +45,8 @@ pub const FOLDS: usize = 10;
 
 /// A greater number of sets must lower the sum of squares on unseen days by so many standard errors.
 const SURE: f64 = 2.0;
+/// And by this share of itself.
+const WORTH: f64 = 0.05;
 /// Fits of each set, the prior weighed anew by what the one before left.
 const ROUNDS: usize = 3;
 /// Of the folds.
@@ -61,7 +63,8 @@ pub enum Sets {
     /// Morning and afternoon, as Guo 2015 §6.
     Two,
     /// As many as predict unseen days best, but no more than needed: a greater number is taken
-    /// only where it lowers the mean square on the days left out by more than two standard errors of the difference.
+    /// only where it lowers the mean square on the days left out by more than two standard errors of the difference,
+    /// and by more than a twentieth of itself: less is not worth the sets.
     Auto {
         /// Most sets tried.
         max: usize,
@@ -550,22 +553,24 @@ fn folds(days: &[Option<usize>], count: usize) -> Option<Vec<Option<usize>>> {
 type Unseen = Option<Vec<Option<f64>>>;
 
 /// True if the second number of sets predicts unseen days better, by more than two standard errors of the
-/// difference over days.
+/// difference over days and by more than it takes to be worth it.
 fn better(now: &Unseen, then: &Unseen, days: &[Option<usize>], count: usize) -> bool {
     let (Some(now), Some(then)) = (now, then) else {
         return false;
     };
     let mut gains = vec![0.0; count];
+    let mut before = 0.0;
     for ((now, then), day) in now.iter().zip(then).zip(days) {
         if let (Some(now), Some(then), Some(day)) = (now, then, day) {
             gains[*day] += now - then;
+            before += now;
         }
     }
     let sum: f64 = gains.iter().sum();
     let days = count as f64;
     let spread: f64 = gains.iter().map(|gain| (gain - sum / days).powi(2)).sum();
     // standard error of a sum over days
-    sum > SURE * libm::sqrt(spread * days / (days - 1.0))
+    sum > WORTH * before && sum > SURE * libm::sqrt(spread * days / (days - 1.0))
 }
 
 fn root_mean(squares: impl Iterator<Item = f64>) -> f64 {
@@ -588,6 +593,19 @@ mod tests {
             pivot: Enu::new(30.0, 140.0, 2.0),
             mirror_offset_m: 0.2,
         }
+    }
+
+    #[test]
+    fn a_gain_is_taken_that_is_sure_and_worth_its_sets() {
+        let days: Vec<Option<usize>> = (0..40).map(|row| Some(row / 4)).collect();
+        let now: Unseen = Some(vec![Some(1.0); 40]);
+        // steady from day to day, or of one day only
+        let steady = |gain: f64| -> Unseen { Some(vec![Some(1.0 - gain); 40]) };
+        assert!(!better(&now, &steady(0.04), &days, 10));
+        assert!(better(&now, &steady(0.06), &days, 10));
+        let of_a_day = (0..40).map(|row| Some(if row < 4 { 0.1 } else { 1.0 }));
+        assert!(!better(&now, &Some(of_a_day.collect()), &days, 10));
+        assert!(!better(&now, &None, &days, 10));
     }
 
     const MORNING: [f64; COUNT] = [0.002, -0.001, 0.004, 0.001, -0.003, 0.002, 0.2];
