@@ -11,7 +11,7 @@ pub fn prefetch<T>(item: &T, ahead: usize, line: usize) {
     let there = core::ptr::from_ref(item)
         .wrapping_add(ahead)
         .cast::<u8>()
-        .wrapping_add(line * LINE_BYTES);
+        .wrapping_add(line.wrapping_mul(LINE_BYTES));
     #[cfg(target_arch = "x86_64")]
     {
         use core::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
@@ -28,7 +28,7 @@ mod tests {
     fn any_address_will_do() {
         let numbers = [1.0_f64; 3];
         for ahead in [0, 1, 1 << 20, usize::MAX / 8, usize::MAX] {
-            for line in [0, 1, 1 << 30] {
+            for line in [0, 1, 1 << 30, usize::MAX] {
                 super::prefetch(&numbers[0], ahead, line);
             }
         }

@@ -519,6 +519,8 @@ fn check_len(what: &'static str, expected: usize, got: usize) -> Result<(), Trac
 
 #[cfg(test)]
 mod tests {
+    use core::f64::consts::TAU;
+
     use super::*;
     use crate::field::Heliostat;
     use crate::frame::Enu;
@@ -622,15 +624,46 @@ mod tests {
         };
         let from_zero = track(&[free]).axis1_rad()[0];
         for exponent in 0..=40 {
-            for sign in [-1.0, 0.0, 1.0] {
-                let apart = sign * 10_f64.powf(-0.4 * f64::from(exponent));
-                free.errors.azimuth_reference_rad = apart - from_zero;
-                let alone = track(&[free]);
-                let beside = track(&[limited, free]);
-                assert_eq!(beside.status()[1], Status::Ok);
-                let angle = beside.axis1_rad()[1];
-                assert_eq!(angle.to_bits(), alone.axis1_rad()[0].to_bits(), "{apart:e}");
-                assert!((0.0..core::f64::consts::TAU).contains(&angle), "{apart:e}");
+            for turns in [0.0, -3.0, 50.0, 1e3, -2e4, 3e6] {
+                for sign in [-1.0, 0.0, 1.0] {
+                    let apart = sign * 10_f64.powf(-0.4 * f64::from(exponent));
+                    free.errors.azimuth_reference_rad = turns * TAU + apart - from_zero;
+                    let alone = track(&[free]);
+                    let beside = track(&[limited, free]);
+                    assert_eq!(beside.status()[1], Status::Ok);
+                    let angle = beside.axis1_rad()[1];
+                    assert_eq!(
+                        angle.to_bits(),
+                        alone.axis1_rad()[0].to_bits(),
+                        "{turns} {apart:e}"
+                    );
+                    assert!((0.0..TAU).contains(&angle), "{turns} {apart:e}");
+                }
+            }
+        }
+        // Limits on one side, or a whole turn apart, that begin where the angle is: nothing is excluded.
+        free.errors.azimuth_reference_rad = 0.0;
+        for turns in [0.0, 3.0, 50.0, 1e3, 1.5e4] {
+            for ulps in -20..=20_i64 {
+                let begin = from_zero + turns * TAU;
+                let begin = f64::from_bits(begin.to_bits().wrapping_add_signed(ulps));
+                for (min_rad, max_rad) in [
+                    (begin, f64::INFINITY),
+                    (f64::NEG_INFINITY, begin),
+                    (begin, begin + TAU * (1.0 + f64::EPSILON) + 1e-10),
+                ] {
+                    let mut one = free;
+                    one.limits.axis1_min_rad = min_rad;
+                    one.limits.axis1_max_rad = max_rad;
+                    let got = track(&[one, limited]);
+                    assert_eq!(got.status()[0], Status::Ok, "{min_rad} {max_rad}");
+                    let angle = got.axis1_rad()[0];
+                    let rounding = 4.0 * f64::EPSILON * angle.abs();
+                    assert!(
+                        min_rad - rounding <= angle && angle <= max_rad + rounding,
+                        "{angle}: {min_rad} {max_rad}"
+                    );
+                }
             }
         }
     }

@@ -36,7 +36,7 @@ pub(crate) mod column {
     pub const SIN_MU: usize = 9;
     /// 1/cos(mu); negative to mark a row that is not for the fast path.
     pub const SEC_MU: usize = 10;
-    /// gamma0.
+    /// gamma0, within half a turn of its window's middle.
     pub const SHIFT1: usize = 11;
     /// alpha0; where the second axis is wrapped, within half a turn of its window's middle.
     pub const SHIFT2: usize = 12;
@@ -117,9 +117,11 @@ impl Prepared {
             let e = &h.errors;
             let range1 = AxisRange::of_axis1(&h.limits);
             let range2 = AxisRange::of_axis2(&h.limits, e.elevation_reference_rad);
+            let mut shift1 = e.azimuth_reference_rad;
             let mut shift2 = e.elevation_reference_rad;
             let mut fast = ratio.abs() <= MAX_SERIES_RATIO;
-            if range2.middle != 0.0 || range2.reach.is_finite() {
+            shift1 -= TAU * libm::rint((shift1 - range1.middle) / TAU);
+            if range2.reach.is_finite() {
                 shift2 -= TAU * libm::rint((shift2 - range2.middle) / TAU);
                 // The fast path does not wrap the second axis: it has the rows that need none.
                 fast &= (shift2 - range2.middle).abs() <= PI / 2.0;
@@ -141,7 +143,7 @@ impl Prepared {
                 1.0 / cos_tau1,
                 sin_mu,
                 if fast { 1.0 / cos_mu } else { -1.0 / cos_mu },
-                e.azimuth_reference_rad,
+                shift1,
                 shift2,
             ];
             let Columns(block) = &mut constants[row / BLOCK];

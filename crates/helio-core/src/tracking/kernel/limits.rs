@@ -44,6 +44,9 @@ impl Limits {
     }
 }
 
+/// Reach of a window that excludes nothing.
+const EVERYWHERE: f64 = f64::MAX;
+
 /// Far above the roundings of an angle, far below an encoder step.
 const NARROWER_RAD: f64 = 1e-9;
 
@@ -51,7 +54,8 @@ const NARROWER_RAD: f64 = 1e-9;
 /// the middle than `reach`. Kernels count angles from the middle until the end.
 ///
 /// With two limits their middle is meant. A single limit moves the window but excludes no
-/// direction, since some number of turns always leads inside.
+/// direction, since some number of turns always leads inside: its reach is [`EVERYWHERE`]. An infinite reach
+/// is that of an angle which is not wrapped at all.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct AxisRange<L> {
     pub middle: L,
@@ -77,24 +81,29 @@ impl AxisRange<f64> {
     }
 
     fn new(min_rad: f64, max_rad: f64, default_middle: f64) -> Self {
-        // A window excludes nothing of itself.
-        let all = PI + LIMIT_TOLERANCE_RAD;
         match (min_rad.is_finite(), max_rad.is_finite()) {
-            (true, true) => Self {
-                middle: 0.5 * (min_rad + max_rad),
-                reach: 0.5 * (max_rad - min_rad) + LIMIT_TOLERANCE_RAD,
-            },
+            (true, true) => {
+                let half_rad = 0.5 * (max_rad - min_rad);
+                Self {
+                    middle: 0.5 * (min_rad + max_rad),
+                    reach: if half_rad >= PI {
+                        EVERYWHERE
+                    } else {
+                        half_rad + LIMIT_TOLERANCE_RAD
+                    },
+                }
+            }
             (true, false) => Self {
                 middle: default_middle.max(min_rad + PI),
-                reach: all,
+                reach: EVERYWHERE,
             },
             (false, true) => Self {
                 middle: default_middle.min(max_rad - PI),
-                reach: all,
+                reach: EVERYWHERE,
             },
             (false, false) => Self {
                 middle: default_middle,
-                reach: all,
+                reach: EVERYWHERE,
             },
         }
     }
