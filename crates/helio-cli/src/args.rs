@@ -280,7 +280,7 @@ pub(crate) struct FitArgs {
     #[arg(long)]
     pub(crate) fit_mirror_offset: bool,
     /// Parameters to keep as the field states them, separated by commas: pedestal_tilt,
-    /// axis_nonorthogonality, mirror_tilt, azimuth_reference, elevation_reference
+    /// axis_nonorthogonality, mirror_tilt, azimuth_reference, elevation_reference, mirror_offset
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) hold: Vec<String>,
     /// What is known of a parameter: NAME=MEAN:SD, degrees (metres for mirror_offset); may be

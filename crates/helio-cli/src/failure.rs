@@ -43,6 +43,17 @@ pub(crate) enum Failure {
         /// Where they are kept.
         path: PathBuf,
     },
+    /// A result could not be written at the end, and what was done is kept.
+    #[error(
+        "{failure}; what is finished is kept in {}: once that is mended, repeat the command with \
+         --resume", path.display()
+    )]
+    AtEnd {
+        /// What went wrong.
+        failure: Box<Failure>,
+        /// Where it is kept.
+        path: PathBuf,
+    },
     /// The user stopped it.
     #[error("interrupted; {}", written(*.streamed))]
     Interrupted {

@@ -231,6 +231,16 @@ impl Display for Grouped {
     }
 }
 
+/// A number of things, in the plural where they are not one.
+pub(crate) struct Counted(pub(crate) usize, pub(crate) &'static str);
+
+impl Display for Counted {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let ending = if self.0 == 1 { "" } else { "s" };
+        write!(f, "{} {}{ending}", Grouped(self.0 as u64), self.1)
+    }
+}
+
 /// A number of bytes as people say it.
 pub(crate) struct Bytes(pub(crate) u64);
 

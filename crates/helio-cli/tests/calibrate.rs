@@ -531,6 +531,87 @@ fn a_set_over_the_day_passes_the_gate_or_the_common_one_holds() {
     }
 }
 
+/// What is said of the sets taken is what predict leaves with the table written, also where the common set holds.
+#[test]
+fn sets_over_the_day_are_judged_as_written() {
+    let folder = Folder::new();
+    let campaign = |hours: &str, more: &[&str]| -> String {
+        let args = ["--hours", hours, "--out", "part.csv"];
+        simulate(&folder, &[&args, more].concat());
+        folder.read("part.csv")
+    };
+    let morning = campaign("6-11.5", &["--seed", "3", "--count", "30"]);
+    let args = ["--seed", "4", "--count", "12", "--days", "2"];
+    // A quarter of a degree off on the first axis.
+    let afternoon: String = campaign("13-14", &args)
+        .lines()
+        .skip(1)
+        .map(|line| {
+            let mut cells = split(line);
+            cells[2] = (cells[2].parse::<f64>().unwrap() + 0.25).to_string();
+            cells.join(",") + "\n"
+        })
+        .collect();
+    folder.write("seen.csv", format!("{morning}{afternoon}"));
+    let args = ["--sets", "2", "--keep-all", "--no-jumps", "--out", "c.csv"];
+    let run = calibrate(&folder, &args);
+    run.good();
+    let seen = rows(&folder.read("seen.csv"));
+    let mut angles = "id,time,axis1_deg,axis2_deg\n".to_owned();
+    for row in &seen {
+        let cells = ["time", "axis1_deg", "axis2_deg"].map(|name| row[name].as_str());
+        angles += &format!("\"{}\",{}\n", row["heliostat_id"], cells.join(","));
+    }
+    folder.write("angles.csv", angles);
+    folder.write("field.toml", format!("{FIELD}calibration = \"c.csv\"\n"));
+    let predicted = folder.run(&["predict", "--field", "field.toml", "--angles", "angles.csv"]);
+    let predicted = rows(&predicted.good());
+    let table = rows(&folder.read("c.csv"));
+    let said = run.stderr();
+    let mut fallen = 0;
+    for (id, pivot) in [
+        ("A1", [-40.0, 100.0, 3.0]),
+        ("A2", [0.5, 110.0, 3.0]),
+        ("B, 3", [60.0, 240.0, 3.0]),
+    ] {
+        let (mut sum, mut count) = (0.0, 0.0);
+        for (row, then) in seen.iter().zip(&predicted) {
+            if row["heliostat_id"] != id {
+                continue;
+            }
+            assert_eq!((&row["time"], id), (&then["time"], then["id"].as_str()));
+            // The target's right is west, its down leans with it.
+            let way = |row| {
+                let (u, v) = (number(row, "u_m"), number(row, "v_m"));
+                let tall = 1.09_f64.sqrt();
+                let point = [-u, -0.3 / tall * v, 120.0 - v / tall];
+                [0, 1, 2].map(|k| point[k] - pivot[k])
+            };
+            let (a, b) = (way(row), way(then));
+            let dot = |a: [f64; 3], b: [f64; 3]| -> f64 { (0..3).map(|k| a[k] * b[k]).sum() };
+            let off = [0, 1, 2].map(|k| a[k] - b[k]);
+            let along = dot(off, a) / dot(a, a).sqrt();
+            sum += (dot(off, off) - along * along) / dot(a, a);
+            count += 1.0;
+        }
+        let wanted = 1e3 * f64::sqrt(sum / count);
+        let begin = format!("{id}: sets over the day: ");
+        let line = said.lines().find_map(|line| line.strip_prefix(&begin));
+        let choice = line.unwrap().split("; ").find(|c| c.ends_with(", taken"));
+        let choice = choice.unwrap();
+        let mrad: f64 = choice.split(' ').nth(1).unwrap().parse().unwrap();
+        assert!(choice.starts_with("2 "), "{said}");
+        // Two digits are printed, and the mirror stands 0.2 m before its pivot.
+        assert!((mrad - wanted).abs() < 0.01, "{id}: {mrad} {wanted}");
+        let held = table
+            .iter()
+            .any(|row| row["id"] == id && !row["why"].is_empty());
+        fallen += usize::from(held);
+        assert_eq!(choice.contains("days left out"), !held, "{said}");
+    }
+    assert!((1..3).contains(&fallen), "{said}");
+}
+
 /// A prior weighs as it says beside the noise of the records, stated or not.
 #[test]
 fn a_prior_needs_no_stated_noise() {
@@ -556,6 +637,52 @@ fn a_prior_needs_no_stated_noise() {
     }
     let note = "note: --prior without sigma_m: ";
     assert!(run.stderr().contains(note), "{}", run.stderr());
+}
+
+/// A prior that the records contradict is named, and no jumps are made up to please it.
+#[test]
+fn a_prior_that_is_wrong_is_named() {
+    let folder = seen(&["--count", "40"]);
+    let free = rows(&calibrate(&folder, &[]).good());
+    let prior = ["--prior", "azimuth_reference=90:0.001", "--out", "c.csv"];
+    let run = calibrate(&folder, &prior);
+    assert_eq!(run.code(), 1, "{}", run.stderr());
+    assert!(!run.stderr().contains("jumped"), "{}", run.stderr());
+    for (row, free) in rows(&folder.read("c.csv")).iter().zip(&free) {
+        assert_eq!(row["status"], "prior_contradicted");
+        assert!(row["azimuth_reference_deg"].is_empty());
+        let begin = "the prior on the azimuth reference contradicts the records: they say ";
+        let words = row["why"].strip_prefix(begin).unwrap();
+        assert!(words.ends_with(" degrees, the prior 90 ± 0.001"), "{words}");
+        // As it is found without the prior, rounded to the digits shown.
+        let found = number(free, "azimuth_reference_deg");
+        let sigma = number(free, "sigma_azimuth_reference_mrad");
+        let shown = words.split(" degrees").next().unwrap();
+        let error = (sigma / 1e3).to_degrees();
+        assert_eq!(shown, format!("{found:.2} ± {error:.2}"));
+    }
+    // A prior a few standard deviations off is none of these.
+    let near = calibrate(&folder, &["--prior", "azimuth_reference=0:0.2"]);
+    near.good();
+}
+
+/// What is fitted is not lost where its place turns out to be full.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_failure_at_the_end_keeps_what_is_finished() {
+    let folder = seen(&["--count", "20"]);
+    let args = ["--out", "c.csv", "--rejected"];
+    let run = calibrate(&folder, &[&args[..], &["/dev/full"]].concat());
+    assert_eq!(run.code(), 2);
+    let said = "error: /dev/full: cannot be written: no space left; what is finished is kept in c.csv.part: once \
+                that is mended, repeat the command with --resume";
+    assert!(run.stderr().contains(said), "{}", run.stderr());
+    assert_eq!(lines_of_part(&folder), 4);
+    let run = calibrate(&folder, &[&args[..], &["r.csv", "--resume"]].concat());
+    run.good();
+    let said = "resumed: 3 of 3 heliostats are finished";
+    assert!(run.stderr().contains(said), "{}", run.stderr());
+    assert!(!folder.path().join("c.csv.part").exists());
 }
 
 #[test]
@@ -631,6 +758,12 @@ fn what_is_wrong_with_a_campaign_is_named() {
         cells.join(",")
     };
     case("too few records", &["--count", "2"], &as_is, "too_few");
+    case(
+        "one record",
+        &["--count", "1", "--ids", "A1"],
+        &as_is,
+        "too_few",
+    );
     case(
         "angles in radians",
         &["--count", "40"],

@@ -737,6 +737,35 @@ fn calibration_options() {
                 "a prior of what is held",
                 &["--hold", "mirror_tilt", "--prior", "mirror_tilt=0:0.1"],
             ),
+            calibrate(
+                "two priors of one parameter",
+                &[
+                    "--prior",
+                    "mirror_tilt_deg=0:0.1",
+                    "--prior",
+                    "mirror_tilt=1:0.1",
+                ],
+            ),
+            calibrate("two tables in one stream", &["--rejected", "-"]),
+            calibrate(
+                "two tables in one stream by another name",
+                &["--out", "-", "--rejected", "/dev/stdout"],
+            ),
+            calibrate(
+                "rejected records and proposals in one stream",
+                &[
+                    "--plan",
+                    "3",
+                    "--plan-date",
+                    "2026-06-21",
+                    "--out",
+                    "c.csv",
+                    "--rejected",
+                    "-",
+                    "--plan-out",
+                    "-",
+                ],
+            ),
             calibrate("resume without a file", &["--resume"]),
             calibrate("a report of another kind", &["--report", "page.pdf"]),
             calibrate(

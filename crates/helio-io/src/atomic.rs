@@ -20,7 +20,7 @@ use crate::error::IoError;
 /// that another process at work on the same place is not disturbed; the last to finish is then what stands there.
 ///
 /// A place that is no regular file, such as a pipe or `/dev/null`, is written to directly; a
-/// symbolic link is followed, so that the file it points to is replaced.
+/// symbolic link is followed, so that the file it points to is replaced, or made where there is none yet.
 ///
 /// ```
 /// use std::io::Write;
@@ -117,6 +117,22 @@ fn remove_abandoned(folder: &Path, prefix: &OsStr) {
     }
 }
 
+/// Where a path leads, through symbolic links whose file does not exist yet too.
+fn followed(path: &Path) -> PathBuf {
+    if let Ok(place) = path.canonicalize() {
+        return place;
+    }
+    let mut place = path.to_path_buf();
+    // As many as Linux follows.
+    for _ in 0..40 {
+        let Ok(to) = std::fs::read_link(&place) else {
+            return place;
+        };
+        place = place.parent().unwrap_or(Path::new("")).join(to);
+    }
+    path.to_path_buf()
+}
+
 /// Bytes gathered before a write: large enough that system calls cost nothing beside formatting.
 const BUFFER_BYTES: usize = 1 << 18;
 
@@ -154,7 +170,7 @@ impl AtomicFile {
                 "it has no file name",
             )));
         }
-        let destination = path.canonicalize().unwrap_or_else(|_| path.to_path_buf());
+        let destination = followed(path);
         let folder = match destination.parent() {
             Some(folder) if folder != Path::new("") => folder,
             _ => Path::new("."),
@@ -405,6 +421,19 @@ mod tests {
         write_file(&link, b"new").unwrap();
         assert_eq!(std::fs::read(&real).unwrap(), b"new");
         assert!(std::fs::symlink_metadata(&link).unwrap().is_symlink());
+        // One whose file does not exist yet, by way of another.
+        let (new, near, far) = (
+            folder.path().join("new.csv"),
+            folder.path().join("near.csv"),
+            folder.path().join("far.csv"),
+        );
+        std::os::unix::fs::symlink("new.csv", &near).unwrap();
+        std::os::unix::fs::symlink(&near, &far).unwrap();
+        write_file(&far, b"made").unwrap();
+        assert_eq!(std::fs::read(&new).unwrap(), b"made");
+        for link in [&near, &far] {
+            assert!(std::fs::symlink_metadata(link).unwrap().is_symlink());
+        }
         let plain = folder.path().join("plain.csv");
         File::create(&plain).unwrap();
         let mode = |path: &Path| std::fs::metadata(path).unwrap().permissions().mode();

@@ -15,7 +15,7 @@ use crate::Outcome;
 use crate::args::SimulateObservationsArgs;
 use crate::failure::Failure;
 use crate::plan;
-use crate::printer::{Bytes, Grouped, Printer};
+use crate::printer::{Bytes, Counted, Grouped, Printer};
 
 /// Streams of random numbers of the true errors, apart from those of the campaigns.
 const TRUTH: u64 = 0x7472_7574_6800_0000;
@@ -77,9 +77,9 @@ pub(crate) fn run(args: &SimulateObservationsArgs, printer: &Printer) -> Result<
         campaign.write_truth(&rows, destination, format)?;
     }
     printer.say(format_args!(
-        "{} observations of {} heliostats; {}",
-        Grouped(seen.len() as u64),
-        Grouped((rows.len() - unseen.len()) as u64),
+        "{} of {}; {}",
+        Counted(seen.len(), "observation"),
+        Counted(rows.len() - unseen.len(), "heliostat"),
         Bytes(bytes)
     ));
     Ok(Outcome::Good)

@@ -45,6 +45,13 @@ fn named(option: &str, name: &str) -> Result<&'static [Parameter], Failure> {
     })
 }
 
+fn in_words(parameters: &[Parameter]) -> &'static str {
+    match parameters {
+        [one] => one.in_words(),
+        _ => "pedestal tilt",
+    }
+}
+
 impl Asked {
     pub(super) fn new(args: &FitArgs) -> Result<Self, Failure> {
         let mut fit = FitOptions {
@@ -88,6 +95,12 @@ impl Asked {
         for prior in &args.prior {
             let (parameters, mean, sigma) = prior_of(prior)?;
             for &parameter in parameters {
+                if let Constraint::Prior { .. } = fit.constraints[parameter as usize] {
+                    return Err(Failure::refused(format!(
+                        "--prior {prior}: the {} has a prior already; give it one",
+                        in_words(parameters)
+                    )));
+                }
                 if hold[parameter as usize] {
                     return Err(Failure::refused(format!(
                         "--prior {prior}: the parameter is held by --hold"

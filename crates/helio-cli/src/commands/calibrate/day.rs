@@ -2,19 +2,39 @@
 
 use std::borrow::Cow;
 
-use helio_calib::schedule::{HourSet, Sets, fit_sets};
+use helio_calib::schedule::{HourSet, Schedule, Sets, fit_sets};
 use helio_calib::{
-    CalibrateOptions, CalibrationError, Constraint, Context, Fit, FitOptions, Mount, Observation,
-    Parameter, Parameters, Start, Uncertainty,
+    CalibrateOptions, Calibration, CalibrationError, Constraint, Context, Epoch, Fit, FitOptions,
+    Mount, Observation, Parameter, Parameters, Start, Uncertainty, beam_errors_mrad,
 };
+use helio_core::angle::wrap_pi;
 use helio_io::{HeliostatObservations, errors_as_written};
 
 use super::OK;
 use crate::calibration::{Choice, DoneSet, Exact};
 use crate::failure::Failure;
+use crate::plan::degrees_as_written;
 
 /// Noise of records that leave nothing to tell it by, beside priors \[mrad\].
 const UNTOLD_NOISE_MRAD: f64 = 1.0;
+
+/// Sets that differ by less are one \[rad, m\]: a thousandth of what moves a beam by a microradian.
+const SAME: f64 = 1e-9;
+
+/// True if two sets are one.
+fn same(one: &Parameters, other: &Parameters) -> bool {
+    let pairs = one.values.iter().zip(&other.values);
+    pairs.into_iter().all(|(a, b)| wrap_pi(a - b).abs() < SAME)
+}
+
+/// Two different numbers with the digits that tell them apart, at least one after the point.
+fn apart(one: f64, other: f64) -> (String, String) {
+    let with = |digits: usize| (format!("{one:.digits$}"), format!("{other:.digits$}"));
+    let mut words = (1..17).map(with);
+    words
+        .find(|(one, other)| one != other)
+        .unwrap_or_else(|| (one.to_string(), other.to_string()))
+}
 
 /// True if nothing states how sure the observations of a heliostat are.
 pub(super) fn without_sigmas(of: &HeliostatObservations) -> bool {
@@ -68,23 +88,49 @@ pub(super) fn fitted(fit: &Fit, uncertainty: &Uncertainty) -> DoneSet {
     }
 }
 
+/// Observations for a fit with priors.
+pub(super) struct Weighed<'a> {
+    pub of: Cow<'a, HeliostatObservations>,
+    /// What is to be said about their weights.
+    pub said: Option<String>,
+    /// Which prior contradicts them, in words.
+    pub contradicted: Option<String>,
+}
+
+impl<'a> Weighed<'a> {
+    fn as_it_is(of: &'a HeliostatObservations) -> Self {
+        Self {
+            of: Cow::Borrowed(of),
+            said: None,
+            contradicted: None,
+        }
+    }
+}
+
 /// Observations as a fit with priors may weigh them: priors state how sure they are, so where the observations do
-/// not, each counts at the noise that a fit without the priors leaves. Also what is to be said about that.
+/// not, each counts at the noise that a fit without the priors leaves. That fit also tells whether a prior is wrong.
 pub(super) fn weighed<'a>(
     of: &'a HeliostatObservations,
     mount: &Mount,
     context: &Context<'_>,
     options: &CalibrateOptions,
-) -> Result<(Cow<'a, HeliostatObservations>, Option<String>), Failure> {
+) -> Result<Weighed<'a>, Failure> {
     let is_prior = |constraint: &Constraint| matches!(constraint, Constraint::Prior { .. });
-    if !options.fit.constraints.iter().any(is_prior) || !without_sigmas(of) {
-        return Ok((Cow::Borrowed(of), None));
+    if !options.fit.constraints.iter().any(is_prior) {
+        return Ok(Weighed::as_it_is(of));
     }
     let mut free = *options;
     for constraint in free.fit.constraints.iter_mut().filter(|c| is_prior(c)) {
         *constraint = Constraint::Free;
     }
     let found = helio_calib::calibrate(mount, &of.observations, context, &free)?;
+    let contradicted = contradicted(&found, &options.fit.constraints);
+    if contradicted.is_some() || !without_sigmas(of) {
+        return Ok(Weighed {
+            contradicted,
+            ..Weighed::as_it_is(of)
+        });
+    }
     let (mut sum, mut freedom) = (0.0, 0.0);
     for epoch in found.epochs.iter().filter(|epoch| !epoch.borrowed) {
         let known = &epoch.uncertainty;
@@ -110,7 +156,59 @@ pub(super) fn weighed<'a>(
     for seen in &mut of.observations {
         seen.sigma_m = Some(sigma_m);
     }
-    Ok((Cow::Owned(of), said))
+    Ok(Weighed {
+        of: Cow::Owned(of),
+        said,
+        contradicted: None,
+    })
+}
+
+/// A prior farther from what the records say by themselves than so many standard deviations of both is wrong.
+const CONTRADICTS: f64 = 10.0;
+
+/// The first prior that contradicts what every epoch of a fit without priors says, in words.
+fn contradicted(found: &Calibration, constraints: &[Constraint]) -> Option<String> {
+    let told = |epoch: &&Epoch| {
+        epoch.verdict.is_determined() && epoch.fit.stop.converged() && !epoch.borrowed
+    };
+    Parameter::ALL.into_iter().find_map(|parameter| {
+        let k = parameter as usize;
+        let Constraint::Prior { mean, sigma } = constraints[k] else {
+            return None;
+        };
+        let is_length = parameter == Parameter::MirrorOffset;
+        // The epoch that contradicts least: references jump.
+        let (off, value, error) = found
+            .epochs
+            .iter()
+            .filter(told)
+            .map(|epoch| {
+                let value = epoch.fit.parameters.values[k];
+                let error = epoch.uncertainty.standard_errors[k];
+                let way = value - mean;
+                let way = if is_length { way } else { wrap_pi(way) };
+                (way.abs() / sigma.hypot(error), value, error)
+            })
+            .min_by(|a, b| a.0.total_cmp(&b.0))?;
+        if off <= CONTRADICTS || !off.is_finite() {
+            return None;
+        }
+        let (unit, scaled): (&str, fn(f64) -> f64) = if is_length {
+            ("m", |length_m| length_m)
+        } else {
+            ("degrees", degrees_as_written)
+        };
+        let (value, error) = (scaled(value), scaled(error));
+        // Two digits of the standard error.
+        let digits = (1.0 - error.log10().floor()).clamp(0.0, 9.0) as usize;
+        Some(format!(
+            "the prior on the {} contradicts the records: they say {value:.digits$} ± {error:.digits$} {unit}, \
+             the prior {} ± {}",
+            parameter.in_words(),
+            scaled(mean),
+            scaled(sigma)
+        ))
+    })
 }
 
 /// The sets over the day of a heliostat, epoch by epoch.
@@ -140,7 +238,7 @@ impl Day<'_> {
             start: Start::At(start),
             ..self.options.fit
         };
-        let schedule = match fit_sets(self.mount, &kept, &fit, self.asked) {
+        let mut schedule = match fit_sets(self.mount, &kept, &fit, self.asked) {
             Ok(schedule) => schedule,
             // Too few for more than the one set that there is.
             Err(CalibrationError::TooFew { .. }) => {
@@ -152,19 +250,20 @@ impl Day<'_> {
         let mut taken = schedule.sets.len();
         let mut sets = Vec::with_capacity(taken);
         if taken > 1 {
-            for (k, set) in schedule.sets.iter().enumerate() {
+            for (k, set) in schedule.sets.iter_mut().enumerate() {
                 let name = match whole.name.as_str() {
                     "" => set.name.clone(),
                     epoch => format!("{epoch} {}", set.name),
                 };
                 let seen: Vec<Observation> = set.rows.iter().map(|&row| kept[row]).collect();
-                let own = self.judged(&seen, set, whole.year_pointing_mrad.0)?;
+                let own = self.judged(&seen, set, &start, whole.year_pointing_mrad.0)?;
                 let of_its_own = own.is_ok();
                 let (own, why) = match own {
                     Ok(own) => (own, String::new()),
                     Err(refused) => (whole.clone(), format!("the common set holds: {refused}")),
                 };
                 if !of_its_own {
+                    set.fit.parameters = start;
                     self.said.push(format!("set {name}: {why}"));
                 }
                 sets.push((
@@ -185,20 +284,46 @@ impl Day<'_> {
                 ));
             }
         }
+        let as_fitted = sets.iter().all(|(of_its_own, _)| *of_its_own);
         if sets.iter().any(|(of_its_own, _)| *of_its_own) {
             self.sets.extend(sets.into_iter().map(|(_, set)| set));
         } else {
             taken = 1;
             self.sets.push(whole);
         }
-        self.choices
-            .extend(schedule.choices.iter().map(|choice| Choice {
+        for choice in &schedule.choices {
+            let chosen = choice.sets == taken;
+            // Where the common set holds in some hours, what the library found is of another schedule.
+            let (seen_mrad, unseen_mrad) = if chosen && !as_fitted && taken > 1 {
+                (self.beam_rms_mrad(&kept, &schedule), None)
+            } else {
+                (
+                    choice.in_sample_beam_rms_mrad,
+                    choice.cross_validated_beam_rms_mrad,
+                )
+            };
+            self.choices.push(Choice {
                 sets: choice.sets,
-                chosen: choice.sets == taken,
-                beam_rms_mrad: Exact(choice.in_sample_beam_rms_mrad),
-                unseen_rms_mrad: choice.cross_validated_beam_rms_mrad.map(Exact),
-            }));
+                chosen,
+                beam_rms_mrad: Exact(seen_mrad),
+                unseen_rms_mrad: unseen_mrad.map(Exact),
+            });
+        }
         Ok(())
+    }
+
+    /// RMS beam error of observations with the parameters of their hours \[mrad\]; infinite on a miss.
+    fn beam_rms_mrad(&self, kept: &[Observation], schedule: &Schedule) -> f64 {
+        let squares = kept.iter().map(|seen| {
+            let parameters = schedule.at(seen.hour_angle_rad.unwrap_or(0.0));
+            let error = beam_errors_mrad(self.mount, std::slice::from_ref(seen), &parameters)[0];
+            if error.is_nan() {
+                f64::INFINITY
+            } else {
+                error * error
+            }
+        });
+        (squares.sum::<f64>() / kept.len() as f64).sqrt()
     }
 
     /// A set over the day that has passed the gate, or why it has not; the common set's pointing over the year
@@ -207,10 +332,17 @@ impl Day<'_> {
         &self,
         seen: &[Observation],
         set: &HourSet,
+        common: &Parameters,
         common_mrad: f64,
     ) -> Result<Result<DoneSet, String>, Failure> {
         if seen.is_empty() {
             return Ok(Err("there are no records of these hours".to_owned()));
+        }
+        if seen.len() == 1 {
+            return Ok(Err("there is but one record of these hours".to_owned()));
+        }
+        if same(&set.fit.parameters, common) {
+            return Ok(Err("its own records ask for no other".to_owned()));
         }
         let uncertainty = helio_calib::uncertainty(self.mount, seen, &set.fit, &set.options)?;
         // The prior on the departure states how sure it is, so the records must too.
@@ -244,10 +376,13 @@ impl Day<'_> {
         let limit_mrad = self.options.max_year_pointing_mrad;
         match (epoch.verdict, year_mrad) {
             // What would help the whole day is not said of a part of it.
-            (_, Some(mrad)) if mrad > limit_mrad => Ok(Err(format!(
-                "its own records leave the beam uncertain by {mrad:.1} mrad over the year, at most \
-                 {limit_mrad:.1} are allowed"
-            ))),
+            (_, Some(mrad)) if mrad > limit_mrad => {
+                let (mrad, limit_mrad) = apart(mrad, limit_mrad);
+                Ok(Err(format!(
+                    "its own records leave the beam uncertain by {mrad} mrad over the year, at most \
+                     {limit_mrad} are allowed"
+                )))
+            }
             (helio_calib::Verdict::Undetermined { why }, _) => Ok(Err(why)),
             _ if !set.fit.stop.converged() => {
                 Ok(Err(format!("its fit ended with {}", set.fit.stop.as_str())))
@@ -257,5 +392,21 @@ impl Day<'_> {
                 ..fitted(&set.fit, &uncertainty)
             })),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_told_apart() {
+        let words = |one: f64, other: f64| {
+            let (one, other) = apart(one, other);
+            format!("{one} {other}")
+        };
+        assert_eq!(words(7.24, 2.0), "7.2 2.0");
+        assert_eq!(words(2.04, 2.0), "2.04 2.00");
+        assert_eq!(words(2.000_04, 2.0), "2.00004 2.00000");
     }
 }

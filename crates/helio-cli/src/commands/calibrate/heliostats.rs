@@ -8,17 +8,20 @@ use helio_calib::{Context, Finding, Mount, Parameters};
 use helio_io::Finished;
 use rayon::prelude::*;
 
-use super::day::{Day, fitted, weighed};
+use super::day::{Day, Weighed, fitted, weighed};
 use super::words::Words;
 use super::{OK, Run};
 use crate::calibration::{Done, DoneSet, Exact, Left};
 use crate::commands::track::stop_on_signals;
 use crate::failure::Failure;
 use crate::plan;
-use crate::printer::{Grouped, Printer};
+use crate::printer::{Counted, Grouped, Printer};
 
 /// Heliostats around one whose records may have got among its own.
 const NEIGHBOURS: usize = 8;
+
+/// The status of a heliostat whose records say something else than a prior.
+const PRIOR_CONTRADICTED: &str = "prior_contradicted";
 
 /// What threads share.
 struct Shared {
@@ -54,9 +57,9 @@ impl Run<'_> {
         }
         if !done.is_empty() {
             printer.say(format_args!(
-                "resumed: {} of {} heliostats are finished",
+                "resumed: {} of {} are finished",
                 Grouped(done.len() as u64),
-                Grouped(all.len() as u64)
+                Counted(all.len(), "heliostat")
             ));
         }
         let todo: Vec<usize> = (0..all.len()).filter(|&index| !is_done[index]).collect();
@@ -128,7 +131,20 @@ impl Run<'_> {
         };
         let field = Parameters::new(&heliostat.errors, heliostat.mirror_offset_m);
         let options = self.asked.of(&field);
-        let (of, said) = weighed(of, &mount, &context, &options)?;
+        let Weighed {
+            of,
+            mut said,
+            contradicted,
+        } = weighed(of, &mount, &context, &options)?;
+        if let Some(why) = contradicted {
+            return Ok(Done {
+                index,
+                sets: vec![DoneSet::without_result(PRIOR_CONTRADICTED, &why)],
+                rejected: Vec::new(),
+                findings: Vec::new(),
+                choices: Vec::new(),
+            });
+        }
         let of = of.as_ref();
         let found = helio_calib::calibrate(&mount, &of.observations, &context, &options)?;
 
@@ -146,6 +162,9 @@ impl Run<'_> {
                     | Finding::Unexplained { .. }
             )
         });
+        if let Some(Finding::TooFew { .. }) = refusing {
+            said = None; // nothing is fitted that it would be about
+        }
         let several = found.epochs.len() > 1;
         let starts: Vec<Option<i64>> = found.epochs.iter().map(|e| e.from_unix_ns).collect();
         let dated = starts.iter().all(Option::is_some);

@@ -10,7 +10,7 @@ mod resume;
 mod words;
 
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use helio_calib::Mount;
 use helio_calib::schedule::Sets;
@@ -24,7 +24,7 @@ use crate::args::{CalibrateArgs, word};
 use crate::calibration::Done;
 use crate::calibration_page::Source;
 use crate::failure::Failure;
-use crate::printer::{Bytes, Grouped, Printer};
+use crate::printer::{Bytes, Counted, Grouped, Printer};
 use crate::{Outcome, plan};
 use asked::Asked;
 use changes::earlier;
@@ -92,9 +92,9 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
         printer.warn(warning);
     }
     printer.say(format_args!(
-        "{} observations of {} heliostats, of {} in the field",
-        Grouped(observations.len() as u64),
-        Grouped(observations.heliostats.len() as u64),
+        "{} of {}, of {} in the field",
+        Counted(observations.len(), "observation"),
+        Counted(observations.heliostats.len(), "heliostat"),
         Grouped(loaded.field.len() as u64)
     ));
     if observations.is_empty() {
@@ -132,37 +132,50 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
     };
     let (done, part) = run.all(part, printer)?;
 
-    let sets: Vec<CalibratedSet> = done.iter().flat_map(|done| run.sets(done)).collect();
-    let changes = match &old {
-        Some(old) => run.changes(old, &sets),
-        None => Vec::new(),
+    // What is finished stays in its file unless everything is written.
+    let kept = part.as_ref().map(|part| part.path().to_owned());
+    let at_end = |failure: Failure| match kept {
+        Some(path) => Failure::AtEnd {
+            failure: Box::new(failure),
+            path,
+        },
+        None => failure,
     };
-    if let Some(mut file) = report {
-        let page = Source {
-            loaded: &loaded,
-            observations: &observations,
-            done: &done,
-            provenance: &provenance,
-            findings: changes.clone(),
+    let all = || -> Result<(Vec<CalibratedSet>, Vec<String>, u64), Failure> {
+        let sets: Vec<CalibratedSet> = done.iter().flat_map(|done| run.sets(done)).collect();
+        let changes = match &old {
+            Some(old) => run.changes(old, &sets),
+            None => Vec::new(),
         };
-        let path = file.path().to_owned();
-        file.write_all(calibration_page(&page.page()).as_bytes())
-            .map_err(|error| IoError::write(&path, error))?;
-        file.finish()?;
-    }
-    if let Some(path) = &args.rejected {
-        run.write_rejected(path, &done, printer)?;
-    }
-    if let Some(proposals) = &proposals {
-        let bytes = run.propose(proposals, &done, args, printer)?;
-        printer.say(format_args!("proposed observations: {}", Bytes(bytes)));
-    }
-    // Proposals take the place of the calibration where both would go to standard output.
-    let bytes = if proposals.is_some() && args.plan_out.is_none() && args.out.out.is_none() {
-        0
-    } else {
-        write_calibration(destination, format, &sets, &provenance)?
+        if let Some(mut file) = report {
+            let page = Source {
+                loaded: &loaded,
+                observations: &observations,
+                done: &done,
+                provenance: &provenance,
+                findings: changes.clone(),
+            };
+            let path = file.path().to_owned();
+            file.write_all(calibration_page(&page.page()).as_bytes())
+                .map_err(|error| IoError::write(&path, error))?;
+            file.finish()?;
+        }
+        if let Some(path) = &args.rejected {
+            run.write_rejected(path, &done, printer)?;
+        }
+        if let Some(proposals) = &proposals {
+            let bytes = run.propose(proposals, &done, args, printer)?;
+            printer.say(format_args!("proposed observations: {}", Bytes(bytes)));
+        }
+        // Proposals take the place of the calibration where both would go to standard output.
+        let bytes = if proposals.is_some() && args.plan_out.is_none() && args.out.out.is_none() {
+            0
+        } else {
+            write_calibration(destination, format, &sets, &provenance)?
+        };
+        Ok((sets, changes, bytes))
     };
+    let (sets, changes, bytes) = all().map_err(at_end)?;
     if let Some(part) = part {
         part.remove()?;
     }
@@ -180,7 +193,13 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
 /// The status of a set that `track` may use.
 pub(crate) const OK: &str = "ok";
 
-/// Refuses outputs that would replace each other.
+/// True for standard output under any of its names.
+fn means_stdout(path: &Path) -> bool {
+    let names = ["/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"];
+    plan::is_stdout(path) || names.iter().any(|name| path == Path::new(name))
+}
+
+/// Refuses outputs that would replace each other, or run into each other.
 fn different_outputs(args: &CalibrateArgs) -> Result<(), Failure> {
     let outputs = [
         ("--out", args.out.out.as_deref()),
@@ -188,6 +207,28 @@ fn different_outputs(args: &CalibrateArgs) -> Result<(), Failure> {
         ("--rejected", args.rejected.as_deref()),
         ("--plan-out", args.plan_out.as_deref()),
     ];
+    let printed = |path: &Option<PathBuf>| path.as_deref().is_some_and(means_stdout);
+    // Without --out the calibration goes there, or the proposals in its place if they too have no file.
+    let proposals = args.plan.is_some() && args.plan_out.is_none();
+    let to_stdout: Vec<&str> = [
+        (
+            "--out (which is standard output where it is not given)",
+            printed(&args.out.out) || (args.out.out.is_none() && !proposals),
+        ),
+        ("--rejected", printed(&args.rejected)),
+        (
+            "--plan-out (which is standard output where it is not given)",
+            printed(&args.plan_out) || proposals,
+        ),
+    ]
+    .into_iter()
+    .filter_map(|(option, there)| there.then_some(option))
+    .collect();
+    if let [one, other, ..] = to_stdout[..] {
+        return Err(Failure::refused(format!(
+            "{one} and {other} both name standard output, which takes one table; give one of them a file"
+        )));
+    }
     for (k, (one, path)) in outputs.iter().enumerate() {
         for (other, again) in &outputs[..k] {
             plan::not_the_same((other, *again), (one, *path))?;

@@ -6,7 +6,7 @@ use helio_io::{CalibratedSet, format_time};
 use super::changes::median;
 use super::{OK, Run, SAID};
 use crate::calibration::{Choice, Done, Left};
-use crate::printer::{Bytes, Grouped, Printer};
+use crate::printer::{Bytes, Counted, Grouped, Printer};
 
 /// A number of sets and how well it does.
 fn choice_words(choice: &Choice) -> String {
@@ -80,6 +80,9 @@ impl Words<'_> {
 
     pub(super) fn finding(&self, finding: &Finding) -> String {
         match finding {
+            Finding::TooFew { found: 1, .. } => finding
+                .to_string()
+                .replace("usable records", "usable record"),
             Finding::Jump {
                 last_before,
                 first_after,
@@ -194,16 +197,16 @@ impl Run<'_> {
             None => String::new(),
         };
         printer.say(format_args!(
-            "{} rows: {}{typical}; {}",
-            Grouped(sets.len() as u64),
+            "{}: {}{typical}; {}",
+            Counted(sets.len(), "row"),
             words.join(", "),
             Bytes(bytes)
         ));
         let unseen = self.loaded.field.len() - done.len();
         if unseen > 0 {
             printer.note(format_args!(
-                "{} heliostats of the field have no observations and no row",
-                Grouped(unseen as u64)
+                "{} of the field without observations and without a row",
+                Counted(unseen, "heliostat")
             ));
         }
     }
