@@ -60,6 +60,10 @@ fn series(random: &mut Random, jump: bool) -> Series {
     }
 }
 
+fn called_wrong(finding: &Finding) -> bool {
+    matches!(finding, Finding::WrongCall { .. })
+}
+
 fn judge(series: &Series) -> Calibration {
     let context = Context {
         site_latitude_rad: Some(series.heliostat.latitude_rad),
@@ -72,7 +76,6 @@ fn judge(series: &Series) -> Calibration {
         &CalibrateOptions::default(),
     )
     .unwrap();
-    let called_wrong = |f: &Finding| matches!(f, Finding::WrongCall { .. });
     assert!(
         !answer.findings.iter().any(called_wrong),
         "{:?}",
@@ -204,4 +207,54 @@ fn an_excursion_is_an_epoch_of_its_own() {
     }
     eprintln!("excursions found with both dates and no record lost: {right} of 40");
     assert!(right >= 36, "{right}");
+}
+
+/// A jump looks a little like spots that are mirrored, or like a neighbour's records: it is not to be called that.
+#[test]
+fn jumps_are_not_called_wrong() {
+    let mut random = Random::new(44);
+    eprintln!("jump [mrad]  campaigns  called wrong  found and dated");
+    for jump_mrad in [[5.0, 3.0], [-3.0, 8.0], [2.0, -2.0]] {
+        let campaigns = 300;
+        let (mut wrong, mut dated) = (0, 0);
+        for _ in 0..campaigns {
+            let mut heliostat = Heliostat::draw(&mut random);
+            heliostat.truth = heliostat.neighbour(&mut random).1;
+            let neighbours: Vec<_> = (0..8).map(|_| heliostat.neighbour(&mut random).0).collect();
+            let mut options = heliostat.options(&mut random);
+            options.count = 60;
+            options.outlier_share = 0.02;
+            // spots near the middle say little about which way u and v count
+            options.aiming = SimulateOptions::default().aiming;
+            let unix_ns = options.from_unix_ns + 151 * DAY_NS;
+            let [azimuth_reference_rad, elevation_reference_rad] = jump_mrad.map(|x| 1e-3 * x);
+            options.jumps = vec![Jump {
+                unix_ns,
+                azimuth_reference_rad,
+                elevation_reference_rad,
+            }];
+            let observations = heliostat.observe(&options).unwrap().observations;
+            let context = Context {
+                site_latitude_rad: Some(heliostat.latitude_rad),
+                neighbours: &neighbours,
+                targets: &heliostat.targets,
+                ..Context::default()
+            };
+            let options = CalibrateOptions::default();
+            let answer = calibrate(&heliostat.mount, &observations, &context, &options).unwrap();
+            wrong += u32::from(answer.findings.iter().any(called_wrong));
+            dated += u32::from(answer.findings.iter().any(|f| match f {
+                Finding::Jump {
+                    after_unix_ns,
+                    before_unix_ns,
+                    ..
+                } => *after_unix_ns < Some(unix_ns) && *before_unix_ns >= Some(unix_ns),
+                _ => false,
+            }));
+        }
+        let jump = format!("{:?}", jump_mrad);
+        eprintln!("{jump:>11}  {campaigns:>9}  {wrong:>12}  {dated:>15}");
+        assert_eq!(wrong, 0, "{jump}");
+        assert!(dated >= 285, "{jump}: {dated}");
+    }
 }

@@ -291,6 +291,13 @@ fn change(before: &[Linear], after: &[Linear], floors: f64) -> f64 {
     libm::sqrt(effect / (SIGMAS * SIGMAS * noise + FLOORS * FLOORS * shared))
 }
 
+/// What an explanation of some records costs, to compare it with others: the less its epochs leave the better, but
+/// each change has to earn as much as where it was found.
+pub fn price(records: usize, cuts: &Cuts, scale: f64) -> f64 {
+    let n = records as f64;
+    2.0 * n * libm::log(scale) + PENALTY * libm::log(n) * (cuts.len() - 1) as f64
+}
+
 /// Epochs of records in order of time, and the model with references for each.
 pub fn find(
     frame: &Frame,

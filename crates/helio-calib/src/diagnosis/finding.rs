@@ -281,7 +281,8 @@ impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::TooFew { found, wanted } => {
-                write!(f, "{found} usable records, at least {wanted} are needed")
+                let s = if *found == 1 { "" } else { "s" };
+                write!(f, "{found} usable record{s}, at least {wanted} are needed")
             }
             Self::AllAtOneTime { spread_rad } => write!(
                 f,

@@ -118,7 +118,7 @@ pub fn by_size(observations: &[Observation], rows: &[usize]) -> Option<WrongCall
     (largest > 400.0).then_some(WrongCall::EncoderInSteps)
 }
 
-type Reading<'a> = (WrongCall, Box<dyn Fn(&mut Observation) + 'a>);
+type Change<'a> = (WrongCall, Box<dyn Fn(&mut Observation) + 'a>);
 
 fn turned_sun(observation: &mut Observation, azimuth_rad: impl Fn(f64) -> f64) {
     observation.sun = EnuUnit::from_azimuth_elevation(
@@ -127,7 +127,15 @@ fn turned_sun(observation: &mut Observation, azimuth_rad: impl Fn(f64) -> f64) {
     );
 }
 
-/// Tries other ways of reading the records; the best, with the median beam error \[mrad\] that it leaves.
+/// Another way of reading the records.
+pub struct Reading {
+    pub call: WrongCall,
+    /// Median beam error that it leaves with one epoch \[mrad\].
+    pub error_mrad: f64,
+    pub records: Vec<Record>,
+}
+
+/// Tries other ways of reading the records; the best.
 pub fn reread(
     mount: &Mount,
     neighbours: &[Mount],
@@ -135,7 +143,7 @@ pub fn reread(
     observations: &[Observation],
     rows: &[usize],
     frame: &Frame,
-) -> Option<(WrongCall, f64)> {
+) -> Option<Reading> {
     let scaled = |factors: [f64; 2]| -> Box<dyn Fn(&mut Observation)> {
         Box::new(move |o| {
             o.axis1_rad *= factors[0];
@@ -143,7 +151,7 @@ pub fn reread(
         })
     };
     let (degrees, radians) = (1_f64.to_radians(), 1_f64.to_degrees());
-    let mut readings: Vec<Reading<'_>> = vec![
+    let mut changes: Vec<Change<'_>> = vec![
         (WrongCall::EncoderInDegrees, scaled([degrees; 2])),
         (WrongCall::EncoderInRadians, scaled([radians; 2])),
         (WrongCall::Axis1InDegrees, scaled([degrees, 1.0])),
@@ -174,20 +182,25 @@ pub fn reread(
         ),
     ];
     for (target, plane) in targets.iter().enumerate() {
-        readings.push((
+        changes.push((
             WrongCall::OtherTarget { target },
             Box::new(|o| o.plane = *plane),
         ));
     }
-    let mut best: Option<(WrongCall, f64)> = None;
+    let mut best: Option<Reading> = None;
     let mut consider = |call: WrongCall, mount: &Mount, read: &[Observation]| {
-        let error = quick(frame, &records(mount, read, rows));
-        if best.is_none_or(|(_, least)| error < least) {
-            best = Some((call, error));
+        let records = records(mount, read, rows);
+        let error_mrad = quick(frame, &records);
+        if best.as_ref().is_none_or(|b| error_mrad < b.error_mrad) {
+            best = Some(Reading {
+                call,
+                error_mrad,
+                records,
+            });
         }
     };
     let mut read = observations.to_vec();
-    for (call, change) in readings {
+    for (call, change) in changes {
         read.copy_from_slice(observations);
         read.iter_mut().for_each(change);
         consider(call, mount, &read);
@@ -198,8 +211,8 @@ pub fn reread(
     best
 }
 
-/// Tries suns that stand earlier or later by some half hours, turned about the pole; the best, with the median beam
-/// error \[mrad\] that it leaves. The sun's declination changes by a mrad or two meanwhile.
+/// Tries suns that stand earlier or later by some half hours, turned about the pole; the best. The sun's
+/// declination changes by a mrad or two meanwhile.
 pub fn other_times(
     mount: &Mount,
     latitude_rad: f64,
@@ -207,12 +220,12 @@ pub fn other_times(
     rows: &[usize],
     frame: &Frame,
     half_hours: core::ops::RangeInclusive<i32>,
-) -> Option<(WrongCall, f64)> {
+) -> Option<Reading> {
     let (sin_latitude, cos_latitude) = libm::sincos(latitude_rad);
     let pole = Enu::new(0.0, cos_latitude, sin_latitude);
     let mut read = observations.to_vec();
     let others = half_hours.filter(|&half_hours| half_hours != 0);
-    let errors = others.map(|half_hours| {
+    let readings = others.map(|half_hours| {
         // westward, clockwise about the northern pole
         let (sine, cosine) = libm::sincos(-7.5_f64.to_radians() * f64::from(half_hours));
         for (o, given) in read.iter_mut().zip(observations) {
@@ -224,7 +237,12 @@ pub fn other_times(
         let call = WrongCall::TimesOff {
             early_minutes: 30 * half_hours,
         };
-        (call, quick(frame, &records(mount, &read, rows)))
+        let records = records(mount, &read, rows);
+        Reading {
+            call,
+            error_mrad: quick(frame, &records),
+            records,
+        }
     });
-    errors.min_by(|a, b| a.1.total_cmp(&b.1))
+    readings.min_by(|a, b| a.error_mrad.total_cmp(&b.error_mrad))
 }

@@ -11,6 +11,21 @@ const NAMED: f64 = 0.35;
 /// How far outside the observed suns another sun must stand to be called higher, lower, earlier, later \[rad\].
 const BEYOND_RAD: f64 = 0.12;
 
+/// Two different numbers with the digits that tell them apart, at least one after the point.
+///
+/// ```
+/// let (found, limit) = helio_calib::diagnosis::told_apart(2.04, 2.0);
+/// assert_eq!(format!("{found} of {limit}"), "2.04 of 2.00");
+/// ```
+#[must_use]
+pub fn told_apart(one: f64, other: f64) -> (String, String) {
+    let with = |digits: usize| (format!("{one:.digits$}"), format!("{other:.digits$}"));
+    (1..17)
+        .map(with)
+        .find(|(one, other)| one != other)
+        .unwrap_or_else(|| (one.to_string(), other.to_string()))
+}
+
 /// The combination of parameters that the records determine worst.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Weakness {

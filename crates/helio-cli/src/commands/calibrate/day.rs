@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 
+use helio_calib::diagnosis::told_apart;
 use helio_calib::schedule::{HourSet, Schedule, Sets, fit_sets};
 use helio_calib::{
     CalibrateOptions, Calibration, CalibrationError, Constraint, Context, Epoch, Fit, FitOptions,
@@ -25,15 +26,6 @@ const SAME: f64 = 1e-9;
 fn same(one: &Parameters, other: &Parameters) -> bool {
     let pairs = one.values.iter().zip(&other.values);
     pairs.into_iter().all(|(a, b)| wrap_pi(a - b).abs() < SAME)
-}
-
-/// Two different numbers with the digits that tell them apart, at least one after the point.
-fn apart(one: f64, other: f64) -> (String, String) {
-    let with = |digits: usize| (format!("{one:.digits$}"), format!("{other:.digits$}"));
-    let mut words = (1..17).map(with);
-    words
-        .find(|(one, other)| one != other)
-        .unwrap_or_else(|| (one.to_string(), other.to_string()))
 }
 
 /// True if nothing states how sure the observations of a heliostat are.
@@ -377,7 +369,7 @@ impl Day<'_> {
         match (epoch.verdict, year_mrad) {
             // What would help the whole day is not said of a part of it.
             (_, Some(mrad)) if mrad > limit_mrad => {
-                let (mrad, limit_mrad) = apart(mrad, limit_mrad);
+                let (mrad, limit_mrad) = told_apart(mrad, limit_mrad);
                 Ok(Err(format!(
                     "its own records leave the beam uncertain by {mrad} mrad over the year, at most \
                      {limit_mrad} are allowed"
@@ -392,21 +384,5 @@ impl Day<'_> {
                 ..fitted(&set.fit, &uncertainty)
             })),
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn numbers_are_told_apart() {
-        let words = |one: f64, other: f64| {
-            let (one, other) = apart(one, other);
-            format!("{one} {other}")
-        };
-        assert_eq!(words(7.24, 2.0), "7.2 2.0");
-        assert_eq!(words(2.04, 2.0), "2.04 2.00");
-        assert_eq!(words(2.000_04, 2.0), "2.00004 2.00000");
     }
 }

@@ -80,9 +80,6 @@ impl Words<'_> {
 
     pub(super) fn finding(&self, finding: &Finding) -> String {
         match finding {
-            Finding::TooFew { found: 1, .. } => finding
-                .to_string()
-                .replace("usable records", "usable record"),
             Finding::Jump {
                 last_before,
                 first_after,
