@@ -287,7 +287,7 @@ fn an_earlier_calibration_is_compared() {
     again.good();
     let said = again.stderr();
     assert!(
-        said.contains("3 heliostats have an earlier calibration, 0 of them changed significantly"),
+        said.contains("3 heliostats with an earlier calibration, 0 of them changed significantly"),
         "{said}"
     );
     assert!(
@@ -346,7 +346,7 @@ fn an_earlier_calibration_of_another_number_of_sets_is_compared() {
     run.good();
     let said = run.stderr();
     assert!(
-        said.contains("3 heliostats have an earlier calibration, 3 of them changed significantly"),
+        said.contains("3 heliostats with an earlier calibration, 3 of them changed significantly"),
         "{said}"
     );
     assert!(said.contains("the greatest of 2 pairs of sets"), "{said}");
@@ -400,7 +400,7 @@ fn an_earlier_calibration_of_another_number_of_sets_is_compared() {
     run.good();
     let said = run.stderr();
     assert!(
-        said.contains("3 heliostats have an earlier calibration, 0 of them changed significantly"),
+        said.contains("3 heliostats with an earlier calibration, 0 of them changed significantly"),
         "{said}"
     );
 }

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use super::{LOWEST_SUN_RAD, Run, SAID};
 use crate::comparison::Change;
 use crate::failure::Failure;
+use crate::printer::Counted;
 
 /// An earlier calibration to compare with.
 pub(super) fn earlier(path: &Path, loaded: &LoadedField) -> Result<Vec<CalibratedSet>, Failure> {
@@ -84,22 +85,24 @@ impl Run<'_> {
         let mut said = Vec::new();
         match median(beams) {
             Some(mrad) => said.push(format!(
-                "compared: {} heliostats have an earlier calibration, {count} of them changed significantly; \
+                "compared: {} with an earlier calibration, {count} of them changed significantly; \
                  in the middle the beams move by {mrad:.3} mrad over the year",
-                found.len()
+                Counted(found.len(), "heliostat")
             )),
             None => said.push("compared: no heliostat has an earlier calibration".to_owned()),
         }
         let fresh = after.keys().filter(|id| !before.contains_key(*id)).count();
         if fresh > 0 && !found.is_empty() {
             said.push(format!(
-                "compared: {fresh} heliostats have no earlier calibration"
+                "compared: {} without an earlier calibration",
+                Counted(fresh, "heliostat")
             ));
         }
         let gone = before.keys().filter(|id| !after.contains_key(*id)).count();
         if gone > 0 {
             said.push(format!(
-                "compared: {gone} heliostats have an earlier calibration and no new one"
+                "compared: {} with an earlier calibration and no new one",
+                Counted(gone, "heliostat")
             ));
         }
         found.sort_by(|a, b| b.1.beam_mrad.total_cmp(&a.1.beam_mrad));
@@ -125,8 +128,8 @@ impl Run<'_> {
         }
         if found.len() > shown {
             said.push(format!(
-                "... and {} heliostats that changed less",
-                found.len() - shown
+                "... and {} that changed less",
+                Counted(found.len() - shown, "heliostat")
             ));
         }
         said
