@@ -5,7 +5,7 @@ use super::limits::{LimitSource, Limits, PerHeliostat, Uniform, Unlimited};
 use super::normal::{Approximate, Exact, Iterated, OffsetSource};
 use super::{AnySun, Job, PresentRows, Rows, Scratch, SunSource};
 use crate::frame::EnuUnit;
-use crate::lanes::{BLOCK, Lanes, SimdLevel};
+use crate::lanes::{BLOCK, Kernel, Lanes, SimdLevel, run};
 use crate::offset::OffsetForm;
 use crate::tracking::prepared::Prepared;
 
@@ -147,26 +147,6 @@ mod x86 {
         any_outside
     }
 
-    #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,fma")]
-    pub fn forward_avx512(
-        prepared: &super::Prepared,
-        axis1: &[f64],
-        axis2: &[f64],
-        out: &mut [[f64; 3]],
-    ) {
-        super::forward_body::<V8>(prepared, axis1, axis2, out);
-    }
-
-    #[target_feature(enable = "avx2,fma")]
-    pub fn forward_avx2(
-        prepared: &super::Prepared,
-        axis1: &[f64],
-        axis2: &[f64],
-        out: &mut [[f64; 3]],
-    ) {
-        super::forward_body::<V4>(prepared, axis1, axis2, out);
-    }
-
     #[target_feature(enable = "avx2,fma")]
     pub fn avx2<O: OffsetSource, M: LimitSource, S: SunSource>(
         job: Job<'_, O, M, S>,
@@ -180,7 +160,6 @@ mod x86 {
 }
 
 /// Normals along the mount's axes for encoder angles, one entry per heliostat.
-/// `level` must be available on this processor.
 pub(crate) fn forward_rows(
     prepared: &Prepared,
     level: SimdLevel,
@@ -188,38 +167,52 @@ pub(crate) fn forward_rows(
     axis2: &[f64],
     out: &mut [[f64; 3]],
 ) {
-    match level {
-        #[cfg(target_arch = "x86_64")]
-        // SAFETY: `Tracker` accepts a level only if `SimdLevel::available` lists it.
-        SimdLevel::Avx512 => unsafe { x86::forward_avx512(prepared, axis1, axis2, out) },
-        #[cfg(target_arch = "x86_64")]
-        // SAFETY: as above.
-        SimdLevel::Avx2 => unsafe { x86::forward_avx2(prepared, axis1, axis2, out) },
-        _ => forward_body::<f64>(prepared, axis1, axis2, out),
-    }
+    run(
+        level,
+        Forward {
+            prepared,
+            axes: [axis1, axis2],
+            out,
+        },
+    );
 }
 
-#[inline(always)]
-fn forward_body<L: Lanes>(prepared: &Prepared, axis1: &[f64], axis2: &[f64], out: &mut [[f64; 3]]) {
-    let mut start = 0;
-    while start < out.len() {
-        let count = L::WIDTH.min(out.len() - start);
-        let mut side = [[0.0; BLOCK]; 2];
-        for (lane, row) in (start..start + count).enumerate() {
-            let [reference1, reference2] = prepared.references[row];
-            side[0][lane] = axis1[row] - reference1;
-            side[1][lane] = axis2[row] - reference2;
+struct Forward<'a> {
+    prepared: &'a Prepared,
+    axes: [&'a [f64]; 2],
+    out: &'a mut [[f64; 3]],
+}
+
+impl Kernel for Forward<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let Self {
+            prepared,
+            axes: [axis1, axis2],
+            out,
+        } = self;
+        let mut start = 0;
+        while start < out.len() {
+            let count = L::WIDTH.min(out.len() - start);
+            let mut side = [[0.0; BLOCK]; 2];
+            for (lane, row) in (start..start + count).enumerate() {
+                let [reference1, reference2] = prepared.references[row];
+                side[0][lane] = axis1[row] - reference1;
+                side[1][lane] = axis2[row] - reference2;
+            }
+            let axes = [L::read(&side[0]), L::read(&side[1])];
+            let normal =
+                super::mount::forward::<L>(&prepared.constants[start / BLOCK], start % BLOCK, axes);
+            let mut columns = [[0.0; BLOCK]; 3];
+            for (component, column) in normal.into_iter().zip(&mut columns) {
+                component.write(column);
+            }
+            for (lane, row) in out[start..start + count].iter_mut().enumerate() {
+                *row = [columns[0][lane], columns[1][lane], columns[2][lane]];
+            }
+            start += count;
         }
-        let axes = [L::read(&side[0]), L::read(&side[1])];
-        let normal =
-            super::mount::forward::<L>(&prepared.constants[start / BLOCK], start % BLOCK, axes);
-        let mut columns = [[0.0; BLOCK]; 3];
-        for (component, column) in normal.into_iter().zip(&mut columns) {
-            component.write(column);
-        }
-        for (lane, row) in out[start..start + count].iter_mut().enumerate() {
-            *row = [columns[0][lane], columns[1][lane], columns[2][lane]];
-        }
-        start += count;
     }
 }

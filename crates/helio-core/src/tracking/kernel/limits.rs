@@ -13,7 +13,7 @@ use crate::tracking::prepared::LIMIT_TOLERANCE_RAD;
 pub(crate) enum Limits {
     /// No heliostat is limited.
     None,
-    /// All heliostats have the same: no memory is read.
+    /// All heliostats have the same, as [`AxisRange::narrowed`]: no memory is read.
     Uniform([AxisRange<f64>; 2]),
     /// Middle and reach of either axis, as [`AxisRange::narrowed`].
     PerHeliostat(Vec<SingleColumns<4>>),
