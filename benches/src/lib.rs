@@ -11,7 +11,7 @@ use std::str::FromStr;
 use std::time::Instant;
 
 use helio_core::{
-    AxisLimits, Enu, EnuUnit, Field, Heliostat, MountErrors, SimdLevel, TrackingMode,
+    AxisLimits, Enu, EnuUnit, Field, Heliostat, MountErrors, Sag, SimdLevel, TrackingMode,
 };
 
 /// Columns of an input file, in the order of `peers/common.py`.
@@ -99,6 +99,7 @@ impl PeerInput {
                     azimuth_reference_rad: at(8),
                     elevation_reference_rad: at(9),
                 },
+                sag: Sag::NONE,
                 limits: AxisLimits {
                     axis1_min_rad: at(10),
                     axis1_max_rad: at(11),

@@ -3,7 +3,7 @@
 
 use core::f64::consts::{FRAC_PI_2, PI};
 
-use helio_core::{MountErrors, TrackingMode};
+use helio_core::{MountErrors, Sag, TrackingMode};
 
 use crate::V3;
 use crate::dd::{self, Dd, Dd3};
@@ -107,7 +107,7 @@ pub fn leaning(mode: TrackingMode, to_aim: Dd3, errors: &MountErrors) -> Rest {
     }
 }
 
-/// The normal for encoder angles: one rotation after the other.
+/// The normal for encoder angles of a mount that does not sag.
 #[must_use]
 pub fn forward(
     mode: TrackingMode,
@@ -116,13 +116,70 @@ pub fn forward(
     axis1_rad: f64,
     axis2_rad: f64,
 ) -> Dd3 {
+    let gamma = Dd::new(axis1_rad) - Dd::new(errors.azimuth_reference_rad);
+    let alpha = Dd::new(axis2_rad) - Dd::new(errors.elevation_reference_rad);
+    turned(mode, to_aim, errors, [gamma, alpha])
+}
+
+/// How far a mount's axes sag in a loaded pose \[rad\]: minus kappa times what the height of the normal of a
+/// perfect mount gains with the angle. Heights turn with an axis as cosines do, so that the gain is
+/// the height a quarter turn on, less the part that does not turn.
+#[must_use]
+pub fn sag(mode: TrackingMode, to_aim: Dd3, sag: Sag, [gamma, alpha]: [Dd; 2]) -> [Dd; 2] {
+    let height = |gamma: Dd, alpha: Dd| {
+        let n = turned(mode, to_aim, &MountErrors::default(), [gamma, alpha]);
+        n.dot(Dd3::new(UP))
+    };
+    let quarter = Dd::new(FRAC_PI_2);
+    let gain1 = (height(gamma + quarter, alpha) - height(gamma - quarter, alpha)) * Dd::new(0.5);
+    let gain2 = height(gamma, alpha + quarter);
+    [
+        -(gain1 * Dd::new(sag.axis1_rad)),
+        -(gain2 * Dd::new(sag.axis2_rad)),
+    ]
+}
+
+/// The normal for encoder angles of a mount that sags: the loaded pose is found by letting the unloaded one
+/// sag again and again until it stays.
+#[must_use]
+pub fn sagging_forward(
+    mode: TrackingMode,
+    to_aim: Dd3,
+    errors: &MountErrors,
+    kappa: Sag,
+    axis1_rad: f64,
+    axis2_rad: f64,
+) -> Dd3 {
+    let unloaded = [
+        Dd::new(axis1_rad) - Dd::new(errors.azimuth_reference_rad),
+        Dd::new(axis2_rad) - Dd::new(errors.elevation_reference_rad),
+    ];
+    if kappa.is_none() {
+        return turned(mode, to_aim, errors, unloaded);
+    }
+    let mut pose = unloaded;
+    // each time nearer by a factor of fourteen at least
+    for _ in 0..15 {
+        let by = sag(mode, to_aim, kappa, pose);
+        pose = [unloaded[0] + by[0], unloaded[1] + by[1]];
+    }
+    turned(mode, to_aim, errors, pose)
+}
+
+/// The normal for true angles of both axes: one rotation after the other.
+#[must_use]
+pub fn turned(
+    mode: TrackingMode,
+    to_aim: Dd3,
+    errors: &MountErrors,
+    [gamma, alpha]: [Dd; 2],
+) -> Dd3 {
     let Rest {
         fixed,
         facing,
         moving,
     } = leaning(mode, to_aim, errors);
     // Turn about the fixed axis, facing toward moving: clockwise seen from the axis' tip.
-    let gamma = Dd::new(axis1_rad) - Dd::new(errors.azimuth_reference_rad);
     let facing = facing.rotated(fixed.reversed(), gamma);
     let moving = moving.rotated(fixed.reversed(), gamma);
     // The moving axis stands tau1 off the square, lifted toward the fixed axis, and carries with it
@@ -131,7 +188,6 @@ pub fn forward(
     let moving = moving.rotated(hinge, errors.axis_nonorthogonality_rad);
     let rising = fixed.rotated(hinge, errors.axis_nonorthogonality_rad);
     // Turn about the moving axis, facing toward rising.
-    let alpha = Dd::new(axis2_rad) - Dd::new(errors.elevation_reference_rad);
     let facing = facing.rotated(facing.cross(rising), alpha);
     // The mirror is not parallel to the moving axis: its normal leans to it by mu.
     facing.rotated(facing.cross(moving), errors.mirror_tilt_rad)
@@ -205,6 +261,29 @@ pub fn inverse(
     } else {
         [b, a]
     })
+}
+
+/// [`inverse`] for a mount that sags.
+#[must_use]
+pub fn sagging_inverse(
+    mode: TrackingMode,
+    to_aim: Dd3,
+    errors: &MountErrors,
+    kappa: Sag,
+    n: Dd3,
+) -> Option<[[f64; 2]; 2]> {
+    let both = inverse(mode, to_aim, errors, n)?;
+    if kappa.is_none() {
+        return Some(both);
+    }
+    Some(both.map(|[axis1, axis2]| {
+        let pose = [
+            Dd::new(axis1 - errors.azimuth_reference_rad),
+            Dd::new(axis2 - errors.elevation_reference_rad),
+        ];
+        let [sag1, sag2] = sag(mode, to_aim, kappa, pose).map(Dd::value);
+        [axis1 - sag1, axis2 - sag2]
+    }))
 }
 
 #[cfg(test)]

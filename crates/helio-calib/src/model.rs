@@ -3,7 +3,7 @@
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
 use crate::observation::Sighting;
-use crate::parameters::{COUNT, Parameters};
+use crate::parameters::{COUNT, Parameter, Parameters};
 
 /// What the formula computes with: a number, some lanes of numbers, or a number with derivatives.
 pub trait Real:
@@ -98,6 +98,8 @@ pub struct Pose<T> {
     nonorthogonality: [T; 2],
     mirror_tilt: [T; 2],
     mirror_offset_m: T,
+    /// In place of the mount's.
+    sag: Option<[T; 2]>,
 }
 
 #[inline(always)]
@@ -148,17 +150,109 @@ impl<T: Real> Pose<T> {
             nonorthogonality: cos_sin(tau1),
             mirror_tilt: cos_sin(mu),
             mirror_offset_m,
+            sag: None,
+        }
+    }
+
+    /// With these sags \[rad\] of the first and second axis in place of what is known of the mount, as a fit
+    /// of the sag itself needs it; see [`helio_core::Sag`].
+    #[inline(always)]
+    #[must_use]
+    pub fn with_sag(self, sag: [T; 2]) -> Self {
+        Self {
+            sag: Some(sag),
+            ..self
         }
     }
 }
 
 /// cos and sin of a difference of angles.
 #[inline(always)]
-fn turned_back<T: Real>([cosine, sine]: [T; 2], [cos0, sin0]: [T; 2]) -> [T; 2] {
+pub(crate) fn turned_back<T: Real>([cosine, sine]: [T; 2], [cos0, sin0]: [T; 2]) -> [T; 2] {
     [
         sine.mul_add(sin0, cosine * cos0),
         sine.mul_add(cos0, -(cosine * sin0)),
     ]
+}
+
+/// Sag over kappa of either axis in a loaded pose, [`helio_core::Sag`]: gamma and alpha as cosine and sine,
+/// `up` along the mount's axes.
+#[inline(always)]
+pub(crate) fn torque<T: Real>(
+    up: [T; 3],
+    [cos_gamma, sin_gamma]: [T; 2],
+    [cos_alpha, sin_alpha]: [T; 2],
+) -> [T; 2] {
+    let across = sin_gamma.mul_add(up[0], -(cos_gamma * up[1]));
+    let level = sin_gamma.mul_add(up[1], cos_gamma * up[0]);
+    [
+        cos_alpha * across,
+        sin_alpha.mul_add(level, -(cos_alpha * up[2])),
+    ]
+}
+
+/// The identity less the derivatives of both sags by gamma and alpha in a loaded pose: what turns a small turn
+/// of the true angles into one of the encoders'.
+#[inline(always)]
+fn stiffness<T: Real>(
+    [kappa1, kappa2]: [T; 2],
+    up: [T; 3],
+    [cos_gamma, sin_gamma]: [T; 2],
+    [cos_alpha, sin_alpha]: [T; 2],
+) -> [[T; 2]; 2] {
+    let one = T::splat(1.0);
+    let across = sin_gamma.mul_add(up[0], -(cos_gamma * up[1]));
+    let level = sin_gamma.mul_add(up[1], cos_gamma * up[0]);
+    let height = sin_alpha.mul_add(up[2], cos_alpha * level);
+    [
+        [
+            one - kappa1 * cos_alpha * level,
+            kappa1 * sin_alpha * across,
+        ],
+        [kappa2 * sin_alpha * across, one - kappa2 * height],
+    ]
+}
+
+/// The solution of two equations, by Cramer's rule: the matrix is near the identity.
+#[inline(always)]
+fn solved<T: Real>([[m11, m12], [m21, m22]]: [[T; 2]; 2], [r1, r2]: [T; 2]) -> [T; 2] {
+    let per = T::splat(1.0) / (m11 * m22 - m12 * m21);
+    [(m22 * r1 - m12 * r2) * per, (m11 * r2 - m21 * r1) * per]
+}
+
+/// A pair turned on by an angle of no more than 0.06 rad, to the last digit.
+#[inline(always)]
+pub(crate) fn turned_on<T: Real>([cosine, sine]: [T; 2], angle: T) -> [T; 2] {
+    let z = angle * angle;
+    let c = T::splat;
+    let s = z.mul_add(c(-1.0 / 5040.0), c(1.0 / 120.0));
+    let s = angle * (s.mul_add(z, c(-1.0 / 6.0)) * z) + angle;
+    // 1 - cos(angle)
+    let v = z.mul_add(c(-1.0 / 40320.0), c(1.0 / 720.0));
+    let v = v.mul_add(z, c(-1.0 / 24.0)).mul_add(z, c(0.5)) * z;
+    [
+        cosine - (cosine * v + sine * s),
+        sine + (cosine * s - sine * v),
+    ]
+}
+
+/// Newton steps from the unloaded pose: each squares the error, and one more brings derivatives as far.
+const SAG_STEPS: usize = 4;
+
+/// The loaded pose that gives the unloaded one, as cosines and sines of gamma and alpha.
+#[inline(always)]
+fn settled<T: Real>(sag: [T; 2], up: [T; 3], gamma: [T; 2], alpha: [T; 2]) -> [[T; 2]; 2] {
+    let mut turn = [T::splat(0.0); 2];
+    let (mut g, mut a) = (gamma, alpha);
+    for _ in 0..SAG_STEPS {
+        let [torque1, torque2] = torque(up, g, a);
+        let left = [sag[0] * torque1 - turn[0], sag[1] * torque2 - turn[1]];
+        let [step1, step2] = solved(stiffness(sag, up, g, a), left);
+        turn = [turn[0] + step1, turn[1] + step2];
+        g = turned_on(gamma, turn[0]);
+        a = turned_on(alpha, turn[1]);
+    }
+    [g, a]
 }
 
 /// A normal and its derivatives.
@@ -168,15 +262,26 @@ pub struct Normal<T> {
     pub n: [T; 3],
     /// dn by the first six parameters.
     pub slopes: [[T; 3]; 6],
+    /// Derivatives of the sag of either axis by its kappa with the pose kept, within ±1.
+    pub torque: [T; 2],
 }
 
 /// Guo 2015 eq. (29) and its derivatives: n = c A, c = d turned by gamma,
 /// d = (cos(mu) cos(alpha), sin(mu), cos(mu) sin(alpha)) turned by tau1.
+///
+/// Where the mount sags, gamma and alpha are those of the loaded pose, F(gamma, alpha) = (encoder - reference),
+/// with F the true angles less their sags; derivatives by the references go through that of F
+/// (implicit function theorem). Sag knows nothing of the other parameters.
 #[inline(always)]
 #[must_use]
 pub fn normal<T: Real>(pose: &Pose<T>, sighting: &Sighting<T>) -> Normal<T> {
-    let [cos_gamma, sin_gamma] = turned_back(sighting.axis1, pose.azimuth_reference);
-    let [cos_alpha, sin_alpha] = turned_back(sighting.axis2, pose.elevation_reference);
+    let mut gamma = turned_back(sighting.axis1, pose.azimuth_reference);
+    let mut alpha = turned_back(sighting.axis2, pose.elevation_reference);
+    let sag = pose.sag.or(sighting.sag);
+    if let Some(sag) = sag {
+        [gamma, alpha] = settled(sag, sighting.up, gamma, alpha);
+    }
+    let ([cos_gamma, sin_gamma], [cos_alpha, sin_alpha]) = (gamma, alpha);
     let [cos_tau, sin_tau] = pose.nonorthogonality;
     let [cos_mu, sin_mu] = pose.mirror_tilt;
     let by_tau = |e: [T; 3]| {
@@ -206,16 +311,26 @@ pub fn normal<T: Real>(pose: &Pose<T>, sighting: &Sighting<T>) -> Normal<T> {
         -(sin_mu * sin_alpha),
     ]));
     let by_tau1 = by_gamma([zero, -d[2], d[1]]);
+    let mut by_gamma0 = row_times([c[1], -c[0], zero], matrix);
+    let mut by_alpha0 = row_times(by_alpha0, matrix);
+    if let Some(sag) = sag {
+        let [[m11, m12], [m21, m22]] = stiffness(sag, sighting.up, gamma, alpha);
+        let per = T::splat(1.0) / (m11 * m22 - m12 * m21);
+        let kept = (by_gamma0, by_alpha0);
+        by_gamma0 = core::array::from_fn(|k| (m22 * kept.0[k] - m21 * kept.1[k]) * per);
+        by_alpha0 = core::array::from_fn(|k| (m11 * kept.1[k] - m12 * kept.0[k]) * per);
+    }
     Normal {
         n: row_times(c, matrix),
         slopes: [
             row_times(c, by_a),
             row_times(c, by_b),
-            row_times([c[1], -c[0], zero], matrix),
+            by_gamma0,
             row_times(by_tau1, matrix),
-            row_times(by_alpha0, matrix),
+            by_alpha0,
             row_times(by_mu, matrix),
         ],
+        torque: torque(sighting.up, gamma, alpha),
     }
 }
 
@@ -226,6 +341,8 @@ pub struct Landing<T> {
     pub residual_m: [T; 2],
     /// Its derivatives by the seven parameters.
     pub slopes: [[T; COUNT]; 2],
+    /// Its derivatives by the sag of either axis, also where there is none: \[component\]\[axis\].
+    pub sag_slopes: [[T; 2]; 2],
     /// s·n: positive where the sun is before the mirror.
     pub cos_incidence: T,
     /// nt·r: negative where the beam comes from the target's front.
@@ -240,7 +357,7 @@ pub struct Landing<T> {
 #[inline(always)]
 #[must_use]
 pub fn landing<T: Real>(pose: &Pose<T>, sighting: &Sighting<T>) -> Landing<T> {
-    let Normal { n, slopes } = normal(pose, sighting);
+    let Normal { n, slopes, torque } = normal(pose, sighting);
     let [plane_normal, right, down] = sighting.plane;
     let offset = pose.mirror_offset_m;
     let two = T::splat(2.0);
@@ -271,15 +388,24 @@ pub fn landing<T: Real>(pose: &Pose<T>, sighting: &Sighting<T>) -> Landing<T> {
             dot(on_plane[i], n)
         }
     };
+    let slopes: [[T; COUNT]; 2] = [
+        core::array::from_fn(|parameter| by(0, parameter)),
+        core::array::from_fn(|parameter| by(1, parameter)),
+    ];
+    // more sag is less reference
+    let by_sag = |slopes: &[T; COUNT]| {
+        [
+            -(torque[0] * slopes[Parameter::AzimuthReference as usize]),
+            -(torque[1] * slopes[Parameter::ElevationReference as usize]),
+        ]
+    };
     Landing {
         residual_m: [
             dot(right, spot) - sighting.spot_m[0],
             dot(down, spot) - sighting.spot_m[1],
         ],
-        slopes: [
-            core::array::from_fn(|parameter| by(0, parameter)),
-            core::array::from_fn(|parameter| by(1, parameter)),
-        ],
+        sag_slopes: [by_sag(&slopes[0]), by_sag(&slopes[1])],
+        slopes,
         cos_incidence,
         facing,
         beam_m,

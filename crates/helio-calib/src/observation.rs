@@ -1,6 +1,6 @@
 //! What was seen, and what a fit needs of it.
 
-use helio_core::{Enu, EnuUnit, Heliostat, MountAxes, TargetPlane, TrackingMode};
+use helio_core::{Enu, EnuUnit, Heliostat, MountAxes, Sag, TargetPlane, TrackingMode};
 
 /// One camera picture of one heliostat's spot.
 ///
@@ -73,10 +73,12 @@ pub struct Mount {
     pub pivot: Enu,
     /// Pivot to mirror centre along the normal \[m\].
     pub mirror_offset_m: f64,
+    /// How far its axes give way to gravity.
+    pub sag: Sag,
 }
 
 impl Mount {
-    /// Of a heliostat of a field. Its errors are not looked at.
+    /// Of a heliostat of a field. Its errors are not looked at, its sag is taken as known.
     #[must_use]
     pub fn of(mode: TrackingMode, heliostat: &Heliostat) -> Self {
         let to_aim = EnuUnit::try_new(heliostat.aim - heliostat.pivot).unwrap_or(EnuUnit::UP);
@@ -84,7 +86,13 @@ impl Mount {
             axes: MountAxes::of(mode, to_aim),
             pivot: heliostat.pivot,
             mirror_offset_m: heliostat.mirror_offset_m,
+            sag: heliostat.sag,
         }
+    }
+
+    /// The world's up along the axes.
+    pub(crate) fn up(&self) -> [f64; 3] {
+        [self.axes.axis1.up, self.axes.axis2.up, self.axes.axis3.up]
     }
 
     pub(crate) fn components(&self, vector: Enu) -> [f64; 3] {
@@ -113,6 +121,10 @@ pub struct Sighting<T> {
     pub spot_m: [T; 2],
     /// 1/sigma of either residual; 1 where none is stated.
     pub weight: T,
+    /// The world's up along the mount's axes.
+    pub up: [T; 3],
+    /// Sag of the first and second axis \[rad\], if the mount has any.
+    pub sag: Option<[T; 2]>,
 }
 
 impl Sighting<f64> {
@@ -136,6 +148,8 @@ impl Sighting<f64> {
                 along(plane.down) + observation.v_m,
             ],
             weight: observation.sigma_m.map_or(1.0, f64::recip),
+            up: mount.up(),
+            sag: (!mount.sag.is_none()).then_some([mount.sag.axis1_rad, mount.sag.axis2_rad]),
         }
     }
 

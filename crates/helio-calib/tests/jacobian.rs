@@ -4,11 +4,14 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use helio_calib::model::{Pose, Real, landing};
 use helio_calib::{Mount, Observation, Sighting};
-use helio_core::{Enu, EnuUnit, Heliostat, TargetPlane, TrackingMode};
+use helio_core::{Enu, EnuUnit, Heliostat, Sag, TargetPlane, TrackingMode};
 
-/// A value with its derivatives by seven parameters (forward mode).
+/// Seven parameters and the sags of both axes.
+const SLOPES: usize = 9;
+
+/// A value with its derivatives by all of them (forward mode).
 #[derive(Debug, Clone, Copy)]
-struct Dual(f64, [f64; 7]);
+struct Dual(f64, [f64; SLOPES]);
 
 impl Dual {
     fn map2(self, other: Self, value: f64, by_self: f64, by_other: f64) -> Self {
@@ -50,7 +53,7 @@ impl Neg for Dual {
 }
 impl Real for Dual {
     fn splat(value: f64) -> Self {
-        Self(value, [0.0; 7])
+        Self(value, [0.0; SLOPES])
     }
     fn mul_add(self, factor: Self, addend: Self) -> Self {
         self * factor + addend
@@ -71,6 +74,8 @@ fn lift(s: &Sighting<f64>) -> Sighting<Dual> {
         centre_along_normal_m: up(s.centre_along_normal_m),
         spot_m: s.spot_m.map(up),
         weight: up(s.weight),
+        up: s.up.map(up),
+        sag: None,
     }
 }
 
@@ -118,26 +123,50 @@ fn the_analytic_jacobian_is_the_derivative_of_the_values() {
                 6 => mount.mirror_offset_m,
                 _ => size * random(),
             });
-            let dual = std::array::from_fn(|k| {
-                let mut unit = [0.0; 7];
-                unit[k] = 1.0;
-                Dual(values[k], unit)
-            });
-            let plain = landing(&Pose::new(values), &sighting);
+            // none for some, and up to the most allowed
+            let sag = match case % 3 {
+                0 => Sag::NONE,
+                _ => Sag {
+                    axis1_rad: Sag::MAX_RAD * random(),
+                    axis2_rad: Sag::MAX_RAD * random(),
+                },
+            };
+            let sags = [sag.axis1_rad, sag.axis2_rad];
+            let lift_at = |place: usize, value: f64| {
+                let mut unit = [0.0; SLOPES];
+                unit[place] = 1.0;
+                Dual(value, unit)
+            };
+            let dual = std::array::from_fn(|k| lift_at(k, values[k]));
+            let dual_sags = std::array::from_fn(|axis| lift_at(7 + axis, sags[axis]));
+            mount.sag = sag;
+            // the mount's own sag, and the same in place of another
+            let own = landing(&Pose::new(values), &Sighting::new(&mount, &observation));
+            let plain = landing(&Pose::new(values).with_sag(sags), &sighting);
+            for i in 0..2 {
+                assert!((own.residual_m[i] - plain.residual_m[i]).abs() < 1e-9);
+                for (a, b) in own.slopes[i].iter().zip(plain.slopes[i]) {
+                    assert!((a - b).abs() <= 1e-9 * (1.0 + b.abs()), "{a} {b}");
+                }
+            }
             if plain.facing.abs() < 0.05 {
                 continue;
             }
-            let automatic = landing(&Pose::new(dual), &lift(&sighting));
+            let automatic = landing(&Pose::new(dual).with_sag(dual_sags), &lift(&sighting));
             for i in 0..2 {
                 assert!((automatic.residual_m[i].0 - plain.residual_m[i]).abs() < 1e-9);
                 let scale: f64 = plain.slopes[i].iter().map(|d| d * d).sum::<f64>().sqrt();
-                for k in 0..7 {
-                    let apart = (automatic.residual_m[i].1[k] - plain.slopes[i][k]).abs() / scale;
+                for k in 0..SLOPES {
+                    let analytic = match k.checked_sub(7) {
+                        None => plain.slopes[i][k],
+                        Some(axis) => plain.sag_slopes[i][axis],
+                    };
+                    let apart = (automatic.residual_m[i].1[k] - analytic).abs() / scale;
                     worst = worst.max(apart);
                 }
             }
         }
     }
     println!("worst relative difference {worst:e}");
-    assert!(worst < 1e-12);
+    assert!(worst < 1e-13);
 }

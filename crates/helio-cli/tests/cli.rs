@@ -285,6 +285,73 @@ fn predictions_take_back_what_tracking_wrote() {
     }
 }
 
+/// The angles of a sagging field lead its beams back to their aims, whole steps too, and are those of a
+/// stiff one less the sag.
+#[test]
+fn sag_goes_through_tracking_prediction_limits_and_steps() {
+    let sag = "axis1_sag_deg = 0.1\n";
+    let folder = Folder::new();
+    // elevation is bent by -kappa2 cos(elevation), the azimuth not at all
+    let of_each =
+        "id,east_m,north_m,up_m,axis2_sag_deg\nA1,-40,100,3,0.2\nA2,0.5,110,3,\nB,60,240,3,-0.3\n";
+    folder.write("heliostats.csv", of_each);
+    let stiff = of_each.replace("axis2_sag_deg", "note");
+    let stiff_field = format!("{FIELD}ignore = [\"note\"]\n");
+    folder.write("stiff.csv", stiff);
+    folder.write(
+        "stiff.toml",
+        stiff_field.replace("heliostats.csv", "stiff.csv"),
+    );
+    folder.write("field.toml", format!("{FIELD}{sag}"));
+    let tracked = folder.track(&[NOON, &["--verify", "--out", "angles.csv"]].concat());
+    tracked.good();
+    let sagging = rows(&folder.read("angles.csv"));
+    let stiff = folder.run(&[&["track", "--field", "stiff.toml"], NOON].concat());
+    for ((row, stiff), kappa_deg) in sagging
+        .iter()
+        .zip(rows(&stiff.good()))
+        .zip([0.2, 0.0, -0.3])
+    {
+        let number = |row: &BTreeMap<String, String>, name: &str| row[name].parse::<f64>().unwrap();
+        assert!(number(row, "beam_error_mrad") < 1e-9);
+        let elevation = number(&stiff, "elevation_deg");
+        let off = number(row, "elevation_deg") - elevation;
+        let want = kappa_deg * elevation.to_radians().cos();
+        assert!((off - want).abs() < 1e-12, "{off} {want}");
+        assert_eq!(row["azimuth_deg"], stiff["azimuth_deg"]);
+    }
+    let predict = ["predict", "--field", "field.toml", "--angles", "angles.csv"];
+    let predicted = rows(&folder.run(&[&predict[..], NOON].concat()).good());
+    for row in &predicted {
+        assert!(row["beam_error_mrad"].parse::<f64>().unwrap() < 1e-9);
+    }
+    // whole steps of 0.001°: half of one at most on either axis, four times that on the beam
+    folder.write("field.toml", format!("{FIELD}{sag}{DRIVES}"));
+    let stepped = folder.track(&[NOON, &["--verify"]].concat());
+    for row in rows(&stepped.good()) {
+        assert!(row["beam_error_mrad"].parse::<f64>().unwrap() < 0.035);
+        let steps = 1000.0 * row["elevation_deg"].parse::<f64>().unwrap();
+        assert_eq!(row["axis2_steps"].parse::<f64>().unwrap(), steps.round());
+    }
+    // a limit between the encoder's angle and the one that a stiff mount would have
+    let elevation: f64 = sagging[0]["elevation_deg"].parse().unwrap();
+    let limits = |most: f64| {
+        let limits = format!("axis2_min_deg = -90\naxis2_max_deg = {most}\n");
+        folder.write("field.toml", format!("{FIELD}{sag}{limits}"));
+        rows(&folder.track(NOON).stdout()).swap_remove(0)
+    };
+    assert_eq!(limits(elevation + 0.001)["status"], "ok");
+    let outside = limits(elevation - 0.001);
+    assert_eq!(outside["status"], "outside_limits");
+    let excess: f64 = outside["limit_excess_deg"].parse().unwrap();
+    assert!((excess - 0.001).abs() < 1e-9, "{excess}");
+    let report = folder.run(&["check", "--field", "field.toml"]).good();
+    assert!(
+        report.contains("axis1_sag 0.1°") && report.contains("axis2_sag -0.3 to 0.2°"),
+        "{report}"
+    );
+}
+
 #[test]
 fn predictions_take_rows_in_any_order_and_steps() {
     let folder = with_drives();

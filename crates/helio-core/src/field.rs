@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 
 use crate::error::FieldError;
 use crate::frame::Enu;
-use crate::mount::{AxisLimits, MountErrors, TrackingMode};
+use crate::mount::{AxisLimits, MountErrors, Sag, TrackingMode};
 
 /// Everything about one heliostat that its axis angles depend on.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,6 +19,8 @@ pub struct Heliostat {
     pub mirror_offset_m: f64,
     /// Departures from the ideal mount.
     pub errors: MountErrors,
+    /// How far its axes give way to gravity.
+    pub sag: Sag,
     /// How far the axes turn.
     pub limits: AxisLimits,
 }
@@ -39,6 +41,7 @@ impl Heliostat {
                 azimuth_reference_rad: 0.0,
                 elevation_reference_rad: 0.0,
             },
+            sag: Sag::NONE,
             limits: AxisLimits::NONE,
         }
     }
@@ -178,6 +181,14 @@ fn check(id: &str, heliostat: &Heliostat) -> Result<(), FieldError> {
     ] {
         if value.abs() > MAX_SKEW_RAD {
             return Err(bad(what, "within ±1.4 rad (80°)", value));
+        }
+    }
+    for (what, value) in [
+        ("axis1_sag_rad", h.sag.axis1_rad),
+        ("axis2_sag_rad", h.sag.axis2_rad),
+    ] {
+        if value.is_nan() || value.abs() > Sag::MAX_RAD {
+            return Err(bad(what, "within ±0.05 rad (2.86°)", value));
         }
     }
     if e.pedestal_tilt_rad.abs() > MAX_TILT_RAD {

@@ -23,6 +23,10 @@ pub struct CalibratedSet {
     pub set: String,
     /// The six errors; `None` where the fit is no good, and the layout's errors hold.
     pub errors: Option<MountErrors>,
+    /// Sag of the first axis \[rad\], where it is stated; the layout's holds where it is not.
+    pub axis1_sag_rad: Option<f64>,
+    /// Sag of the second axis \[rad\], likewise.
+    pub axis2_sag_rad: Option<f64>,
     /// Mirror offset \[m\], where it was fitted.
     pub mirror_offset_m: Option<f64>,
     /// When the set begins to hold \[ns of Unix time\]; `None`: always has.
@@ -98,6 +102,8 @@ impl CalibratedSet {
             id: id.to_owned(),
             set: String::new(),
             errors: None,
+            axis1_sag_rad: None,
+            axis2_sag_rad: None,
             mirror_offset_m: None,
             valid_from_ns: None,
             valid_to_ns: None,
@@ -215,6 +221,16 @@ pub fn write_calibration(
                 .map_or(f64::NAN, |e| degrees_for(in_order(e)[k]))
         })
     });
+    let sags = [
+        (
+            &keys::AXIS1_SAG,
+            numbers(&|s| s.axis1_sag_rad.map_or(f64::NAN, degrees_for)),
+        ),
+        (
+            &keys::AXIS2_SAG,
+            numbers(&|s| s.axis2_sag_rad.map_or(f64::NAN, degrees_for)),
+        ),
+    ];
     let offsets = numbers(&|s| s.mirror_offset_m.unwrap_or(f64::NAN));
     let (from, to) = (times(&|s| s.valid_from_ns), times(&|s| s.valid_to_ns));
     let hour = |angle: Option<f64>| angle.map_or(f64::NAN, degrees_for);
@@ -260,6 +276,11 @@ pub fn write_calibration(
             .map(|(key, column)| (key.name, Cells::Numbers(column))),
     );
     let any = |column: &[f64]| column.iter().any(|value| value.is_finite());
+    for (key, column) in &sags {
+        if any(column) {
+            columns.push((key.name, Cells::Numbers(column)));
+        }
+    }
     if any(&offsets) {
         columns.push((keys::MIRROR_OFFSET.name, Cells::Numbers(&offsets)));
     }
@@ -331,7 +352,7 @@ fn covariance(text: &str) -> Option<[[f64; 7]; 7]> {
     Some(matrix)
 }
 
-/// Reads a calibration table to compare another with: ids, sets, errors, validity, covariance, RMS and
+/// Reads a calibration table to compare another with: ids, sets, errors, sags, validity, covariance, RMS and
 /// status. Rows without numbers are there too; standard errors and counts are not read.
 ///
 /// # Errors
@@ -393,6 +414,8 @@ pub fn load_calibration(path: &Path) -> Result<Vec<CalibratedSet>, IoError> {
                     azimuth_reference_rad: azimuth,
                     elevation_reference_rad: elevation,
                 }),
+                axis1_sag_rad: number(&keys::AXIS1_SAG)?.map(radians),
+                axis2_sag_rad: number(&keys::AXIS2_SAG)?.map(radians),
                 mirror_offset_m: number(&keys::MIRROR_OFFSET)?,
                 valid_from_ns: table.time(row, &keys::VALID_FROM, &id)?,
                 valid_to_ns: table.time(row, &keys::VALID_TO, &id)?,

@@ -222,6 +222,8 @@ const COORDINATE: Kind = Kind::Number(-FAR_M, FAR_M);
 const TURNS: Kind = Kind::Number(-36000.0, 36000.0);
 const SKEW: Kind = Kind::Number(-80.0, 80.0);
 const CIRCLE: Kind = Kind::Number(-360.0, 360.0);
+/// Just within [`helio_core::Sag::MAX_RAD`].
+const SAG: Kind = Kind::Number(-2.86, 2.86);
 
 pub(crate) static ID: Key = required(
     "id",
@@ -278,6 +280,16 @@ pub(crate) static ELEVATION_REFERENCE: Key = optional(
     CIRCLE,
     "Reading of the second encoder at angle zero in degrees (alpha0). Default: 0.",
 );
+pub(crate) static AXIS1_SAG: Key = optional(
+    "axis1_sag_deg",
+    SAG,
+    "Sag of the first axis under gravity where the mirror pulls it round hardest, in degrees (kappa1); positive if the mirror sinks. Default: 0.",
+);
+pub(crate) static AXIS2_SAG: Key = optional(
+    "axis2_sag_deg",
+    SAG,
+    "Sag of the second axis under gravity where the mirror pulls it round hardest, in degrees (kappa2); positive if the mirror sinks. Default: 0.",
+);
 pub(crate) static AXIS1_MIN: Key = optional(
     "axis1_min_deg",
     TURNS,
@@ -308,6 +320,8 @@ pub(crate) static QUANTITIES: &[&Key] = &[
     &MIRROR_TILT,
     &AZIMUTH_REFERENCE,
     &ELEVATION_REFERENCE,
+    &AXIS1_SAG,
+    &AXIS2_SAG,
     &AXIS1_MIN,
     &AXIS1_MAX,
     &AXIS2_MIN,
@@ -330,6 +344,8 @@ pub(crate) static LAYOUT: &[&Key] = &[
     &MIRROR_TILT,
     &AZIMUTH_REFERENCE,
     &ELEVATION_REFERENCE,
+    &AXIS1_SAG,
+    &AXIS2_SAG,
     &AXIS1_MIN,
     &AXIS1_MAX,
     &AXIS2_MIN,
@@ -598,6 +614,8 @@ pub(crate) static HELIOSTATS: &[&Key] = &[
     &MIRROR_TILT,
     &AZIMUTH_REFERENCE,
     &ELEVATION_REFERENCE,
+    &AXIS1_SAG,
+    &AXIS2_SAG,
     &AXIS1_MIN,
     &AXIS1_MAX,
     &AXIS2_MIN,
@@ -686,6 +704,8 @@ pub(crate) static CALIBRATION_COLUMNS: &[&Key] = &[
     &MIRROR_TILT,
     &AZIMUTH_REFERENCE,
     &ELEVATION_REFERENCE,
+    &AXIS1_SAG,
+    &AXIS2_SAG,
 ];
 
 pub(crate) static COVARIANCE: Key = optional(
@@ -718,6 +738,8 @@ pub(crate) static COMPARED_COLUMNS: &[&Key] = &[
     &MIRROR_TILT,
     &AZIMUTH_REFERENCE,
     &ELEVATION_REFERENCE,
+    &AXIS1_SAG,
+    &AXIS2_SAG,
     &COVARIANCE,
     &RMS,
     &BEAM_RMS,

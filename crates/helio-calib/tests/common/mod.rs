@@ -4,10 +4,10 @@
 #![allow(dead_code, reason = "each test file uses a part")]
 #![allow(clippy::unwrap_used, reason = "tests fail")]
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use helio_calib::{Mount, Observation, Parameters};
-use helio_core::{Enu, EnuUnit, MountAxes, MountErrors, TargetPlane, TrackingMode};
+use helio_core::{Enu, EnuUnit, MountAxes, MountErrors, Sag, TargetPlane, TrackingMode};
 
 /// splitmix64 (Steele, Lea, Flood 2014).
 pub struct Rng(u64);
@@ -74,6 +74,7 @@ pub fn place(rng: &mut Rng, mode: TrackingMode) -> Place {
             axes: MountAxes::of(mode, to_centre),
             pivot,
             mirror_offset_m: rng.range(0.1, 0.4),
+            sag: Sag::NONE,
         },
         plane,
     }
@@ -161,6 +162,23 @@ pub fn observe(
         n = EnuUnit::try_new(s + beam.as_enu()).ok()?;
     }
     let (axis1, axis2) = encoders(&mount.axes, truth, n.as_enu())?;
+    let (gamma, alpha) = (
+        axis1 - truth.azimuth_reference_rad,
+        axis2 - truth.elevation_reference_rad,
+    );
+    // How high a perfect mount's normal points, and what it gains with either angle.
+    let g = [
+        mount.axes.axis1.up,
+        mount.axes.axis2.up,
+        mount.axes.axis3.up,
+    ];
+    let height = |gamma: f64, alpha: f64| {
+        alpha.cos() * (gamma.cos() * g[0] + gamma.sin() * g[1]) + alpha.sin() * g[2]
+    };
+    let gain1 = 0.5 * (height(gamma + FRAC_PI_2, alpha) - height(gamma - FRAC_PI_2, alpha));
+    let gain2 = height(gamma, alpha + FRAC_PI_2);
+    let axis1 = axis1 + mount.sag.axis1_rad * gain1;
+    let axis2 = axis2 + mount.sag.axis2_rad * gain2;
     Some(Observation::new(sun, axis1, axis2, *plane, u, v))
 }
 

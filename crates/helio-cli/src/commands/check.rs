@@ -170,6 +170,7 @@ fn describe(loaded: &LoadedField, report: &mut Report) {
         format_args!("{:.4} m", span(|h| h.mirror_offset_m)),
     );
     describe_errors(loaded, report);
+    describe_sag(loaded, report);
     describe_limits(loaded, report);
     let driven = |axis: usize| loaded.drives.iter().filter(|d| d[axis].is_some()).count();
     if loaded.has_drives() {
@@ -214,6 +215,26 @@ fn describe_errors(loaded: &LoadedField, report: &mut Report) {
     }
     if none {
         report.line("errors", "none");
+    }
+}
+
+/// Nothing where no axis sags.
+fn describe_sag(loaded: &LoadedField, report: &mut Report) {
+    let heliostats = loaded.field.heliostats();
+    let mut first = true;
+    for (name, of) in [
+        (
+            "axis1_sag",
+            (|s| s.axis1_rad) as fn(&helio_core::Sag) -> f64,
+        ),
+        ("axis2_sag", |s| s.axis2_rad),
+    ] {
+        let span = Span::of(heliostats.iter().map(|h| degrees(of(&h.sag))));
+        if span.0 != 0.0 || span.1 != 0.0 {
+            let label = if first { "sag" } else { "" };
+            report.line(label, format_args!("{name} {span:.4}°"));
+            first = false;
+        }
     }
 }
 

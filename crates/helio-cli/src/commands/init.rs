@@ -122,6 +122,8 @@ mirror_offset_m = 0.3           # from the crossing of the axes to the mirror's 
 # mirror_tilt_deg = 0.0
 # azimuth_reference_deg = 0.0
 # elevation_reference_deg = 0.0
+# axis1_sag_deg = 0.0           # how far an axis gives way where the mirror pulls it round hardest
+# axis2_sag_deg = 0.0
 
 # How far the axes turn, on encoder angles.
 axis1_min_deg = -90.0

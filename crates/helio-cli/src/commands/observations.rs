@@ -337,9 +337,13 @@ impl<'a> Campaign<'a> {
             .iter()
             .map(|&row| {
                 let id = &self.loaded.field.ids()[row];
+                let heliostat = &self.loaded.field.heliostats()[row];
+                let sag = (!heliostat.sag.is_none()).then_some(heliostat.sag);
                 CalibratedSet {
                     errors: Some(self.errors(row)),
-                    mirror_offset_m: Some(self.loaded.field.heliostats()[row].mirror_offset_m),
+                    axis1_sag_rad: sag.map(|sag| sag.axis1_rad),
+                    axis2_sag_rad: sag.map(|sag| sag.axis2_rad),
+                    mirror_offset_m: Some(heliostat.mirror_offset_m),
                     ..CalibratedSet::without_result(id, "truth", "")
                 }
             })

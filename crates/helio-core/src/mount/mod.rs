@@ -113,6 +113,64 @@ impl MountErrors {
     }
 }
 
+/// Sag of either axis under gravity: how far a mirror that pulls an axis round as hard as it can turns
+/// beyond what its encoder says \[rad\], kappa. None by default.
+///
+/// A mirror whose centre of mass lies before the axes (toward its normal) hangs on them, and structure
+/// and drive give way in proportion to its torque. With g the world's up along the nominal
+/// [`MountAxes`], g = (axis1.up, axis2.up, axis3.up), and gamma, alpha the *true* (loaded) angles of
+/// the first and second axis,
+///
+/// ```text
+/// up = cos(alpha) (cos(gamma) g1 + sin(gamma) g2) + sin(alpha) g3      how far up the normal points
+/// sag1 = -kappa1 d(up)/d(gamma) = kappa1 cos(alpha) (sin(gamma) g1 - cos(gamma) g2)
+/// sag2 = -kappa2 d(up)/d(alpha) = kappa2 (sin(alpha) (cos(gamma) g1 + sin(gamma) g2) - cos(alpha) g3)
+/// gamma = encoder1 - gamma0 + sag1,  alpha = encoder2 - alpha0 + sag2
+/// ```
+///
+/// Positive kappa sinks the mirror; negative stands for a counterweight too heavy. The torque is that
+/// of the loaded pose, so that encoder angles follow from a normal in closed form, and only the normal
+/// for encoder angles has to be solved for. The first axis of an azimuth-elevation mount, being
+/// upright, has no sag; its second bends as a telescope's tube does, by -kappa2 cos(alpha).
+///
+/// ```
+/// use helio_core::{Enu, Field, Heliostat, OffsetForm, Sag, Tracker, TrackingMode};
+/// let mut field = Field::new(TrackingMode::AzimuthElevation);
+/// let mut heliostat = Heliostat::new(Enu::default(), Enu::new(0.0, 90.0, 0.0));
+/// heliostat.sag = Sag { axis2_rad: 0.004, ..Sag::NONE };
+/// field.push("A1", heliostat)?;
+/// let tracker = Tracker::new(&field, OffsetForm::Exact)?;
+/// // Its encoder says level, but the mirror looks 4 mrad down.
+/// let normals = tracker.forward(&[0.0], &[0.0])?;
+/// assert!((normals[0].elevation_rad() + 0.004).abs() < 1e-7);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Sag {
+    /// Most that the first axis sags \[rad\], kappa1; magnitude at most [`MAX_RAD`](Self::MAX_RAD).
+    pub axis1_rad: f64,
+    /// Most that the second axis sags \[rad\], kappa2; magnitude at most [`MAX_RAD`](Self::MAX_RAD).
+    pub axis2_rad: f64,
+}
+
+impl Sag {
+    /// A stiff mount.
+    pub const NONE: Self = Self {
+        axis1_rad: 0.0,
+        axis2_rad: 0.0,
+    };
+
+    /// Largest magnitude of either that a heliostat may have \[rad\]: some ten times what is found on
+    /// real ones.
+    pub const MAX_RAD: f64 = 0.05;
+
+    /// True if neither axis sags.
+    #[must_use]
+    pub fn is_none(&self) -> bool {
+        *self == Self::NONE
+    }
+}
+
 /// How far the axes turn, on encoder angles \[rad\]; infinite where there is no limit.
 ///
 /// A range may exceed a full turn, for encoders that count on: the representative nearest to the

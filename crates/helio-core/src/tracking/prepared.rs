@@ -5,6 +5,7 @@ use core::f64::consts::{PI, TAU};
 
 use super::kernel::limits::{AxisRange, Limits};
 use super::kernel::normal::MAX_SERIES_RATIO;
+use super::kernel::sag;
 use crate::field::Field;
 use crate::frame::{Enu, EnuUnit};
 use crate::lanes::{BLOCK, Columns};
@@ -59,6 +60,8 @@ pub(crate) struct Prepared {
     pub len: usize,
     pub constants: Vec<Columns<{ column::COUNT }>>,
     pub base: Base,
+    /// Of every heliostat if one has any, else empty. Limits are then kept per heliostat.
+    pub sags: Vec<Columns<{ sag::COUNT }>>,
     pub limits: Limits,
     /// To the last digit, for the rows that are not plainly ok.
     pub ranges: Vec<[AxisRange<f64>; 2]>,
@@ -86,6 +89,9 @@ impl Prepared {
             mode => Some(MountAxes::of(mode, EnuUnit::UP)),
         };
         let mut ranges = Vec::with_capacity(len);
+        let sagging = field.heliostats().iter().any(|h| !h.sag.is_none());
+        let mut sags =
+            alloc::vec![Columns([[0.0; BLOCK]; sag::COUNT]); if sagging { blocks } else { 0 }];
         for (row, h) in field.heliostats().iter().enumerate() {
             let to_aim = h.aim - h.pivot;
             let slant_m = to_aim.norm();
@@ -124,7 +130,7 @@ impl Prepared {
             if range2.reach.is_finite() {
                 shift2 -= TAU * libm::rint((shift2 - range2.middle) / TAU);
                 // The fast path does not wrap the second axis: it has the rows that need none.
-                fast &= (shift2 - range2.middle).abs() <= PI / 2.0;
+                fast &= (shift2 - range2.middle).abs() <= PI / 2.0 - h.sag.axis2_rad.abs();
             }
             let (sin_tilt, cos_tilt) = libm::sincos(e.pedestal_tilt_rad);
             let tan_half_tilt = sin_tilt / (1.0 + cos_tilt);
@@ -150,6 +156,11 @@ impl Prepared {
             for (column, value) in block.iter_mut().zip(values) {
                 column[row % BLOCK] = value;
             }
+            if let Some(Columns(block)) = sags.get_mut(row / BLOCK) {
+                for (column, value) in block.iter_mut().zip(sag::constants(h.sag, &mount)) {
+                    column[row % BLOCK] = value;
+                }
+            }
             ranges.push([range1, range2]);
         }
         // The padding repeats the last heliostat: whatever path it takes, so do its neighbours.
@@ -159,6 +170,9 @@ impl Prepared {
                 if !axes.is_empty() {
                     repeat_row(&mut axes, last, row);
                 }
+                if sagging {
+                    repeat_row(&mut sags, last, row);
+                }
             }
         }
         let unlimited = field.heliostats().iter().all(|h| h.limits.is_none());
@@ -166,7 +180,8 @@ impl Prepared {
             len,
             constants,
             base: shared.map_or(Base::PerHeliostat(axes), Base::Shared),
-            limits: Limits::new(unlimited, &ranges, blocks),
+            sags,
+            limits: Limits::new(unlimited, sagging, &ranges, blocks),
             ranges,
             references: field
                 .heliostats()

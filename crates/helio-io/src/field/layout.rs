@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use helio_core::angle::{degrees, radians};
-use helio_core::{AxisLimits, Enu, Heliostat, MountErrors};
+use helio_core::{AxisLimits, Enu, Heliostat, MountErrors, Sag};
 
 use crate::error::{IoError, Problem};
 use crate::keys;
@@ -13,7 +13,7 @@ use crate::toml::Section;
 /// What a heliostat may have of its own or by default, in the order of [`keys::QUANTITIES`] and in
 /// the unit of its key; `None` where nothing is stated.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Quantities([Option<f64>; 11]);
+pub(super) struct Quantities([Option<f64>; 13]);
 
 impl Quantities {
     /// The defaults for all.
@@ -67,6 +67,8 @@ impl Quantities {
             mirror,
             reference1,
             reference2,
+            sag1,
+            sag2,
             limits @ ..,
         ] = self.0;
         let rad = |value: Option<f64>| radians(value.unwrap_or(0.0));
@@ -82,6 +84,10 @@ impl Quantities {
                 mirror_tilt_rad: rad(mirror),
                 azimuth_reference_rad: rad(reference1),
                 elevation_reference_rad: rad(reference2),
+            },
+            sag: Sag {
+                axis1_rad: rad(sag1),
+                axis2_rad: rad(sag2),
             },
             limits: AxisLimits {
                 axis1_min_rad: limit(limits[0], f64::NEG_INFINITY),

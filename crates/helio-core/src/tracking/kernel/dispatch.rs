@@ -3,8 +3,10 @@
 
 use super::limits::{LimitSource, Limits, PerHeliostat, Uniform, Unlimited};
 use super::normal::{Approximate, Exact, Iterated, OffsetSource};
+use super::sag::{SagSource, Sagging, Stiff};
 use super::{AnySun, Job, PresentRows, Rows, Scratch, SunSource};
 use crate::frame::EnuUnit;
+use crate::lanes::math::sin_cos;
 use crate::lanes::{BLOCK, Kernel, Lanes, SimdLevel, run};
 use crate::offset::OffsetForm;
 use crate::tracking::prepared::Prepared;
@@ -47,18 +49,25 @@ impl Call<'_> {
         out: &mut Rows<'_>,
     ) -> bool {
         match &self.prepared.limits {
-            Limits::None => self.with_limits(offset, Unlimited, sun, scratch, out),
-            Limits::Uniform(values) => self.with_limits(offset, Uniform(values), sun, scratch, out),
+            Limits::None => self.with_limits(offset, Unlimited, Stiff, sun, scratch, out),
+            Limits::Uniform(values) => {
+                self.with_limits(offset, Uniform(values), Stiff, sun, scratch, out)
+            }
+            Limits::PerHeliostat(columns) if self.prepared.sags.is_empty() => {
+                self.with_limits(offset, PerHeliostat(columns), Stiff, sun, scratch, out)
+            }
             Limits::PerHeliostat(columns) => {
-                self.with_limits(offset, PerHeliostat(columns), sun, scratch, out)
+                let sags = Sagging(&self.prepared.sags);
+                self.with_limits(offset, PerHeliostat(columns), sags, sun, scratch, out)
             }
         }
     }
 
-    fn with_limits<O: OffsetSource, M: LimitSource>(
+    fn with_limits<O: OffsetSource, M: LimitSource, G: SagSource>(
         &self,
         offset: O,
         limits: M,
+        sags: G,
         sun: EnuUnit,
         scratch: &mut Scratch,
         out: &mut Rows<'_>,
@@ -73,6 +82,7 @@ impl Call<'_> {
                     offset,
                     limits,
                     sun,
+                    sags,
                 },
                 scratch,
                 out,
@@ -84,6 +94,7 @@ impl Call<'_> {
                     offset,
                     limits,
                     sun,
+                    sags,
                 },
                 scratch,
                 out,
@@ -91,9 +102,9 @@ impl Call<'_> {
         }
     }
 
-    fn run<O: OffsetSource, M: LimitSource, S: SunSource>(
+    fn run<O: OffsetSource, M: LimitSource, S: SunSource, G: SagSource>(
         &self,
-        job: Job<'_, O, M, S>,
+        job: Job<'_, O, M, S, G>,
         scratch: &mut Scratch,
         out: &mut Rows<'_>,
     ) -> bool {
@@ -120,12 +131,12 @@ impl Call<'_> {
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {
-    use super::{Job, LimitSource, OffsetSource, PresentRows, Rows, Scratch, SunSource};
+    use super::{Job, LimitSource, OffsetSource, PresentRows, Rows, SagSource, Scratch, SunSource};
     use crate::lanes::x86::{V4, V8};
 
     #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,fma")]
-    pub fn avx512<O: OffsetSource, M: LimitSource, S: SunSource>(
-        job: Job<'_, O, M, S>,
+    pub fn avx512<O: OffsetSource, M: LimitSource, S: SunSource, G: SagSource>(
+        job: Job<'_, O, M, S, G>,
         first: usize,
         present: Option<PresentRows<'_>>,
         scratch: &mut Scratch,
@@ -135,8 +146,8 @@ mod x86 {
     }
 
     #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,fma")]
-    pub fn avx512_stream<O: OffsetSource, M: LimitSource, S: SunSource>(
-        job: Job<'_, O, M, S>,
+    pub fn avx512_stream<O: OffsetSource, M: LimitSource, S: SunSource, G: SagSource>(
+        job: Job<'_, O, M, S, G>,
         first: usize,
         present: Option<PresentRows<'_>>,
         scratch: &mut Scratch,
@@ -148,8 +159,8 @@ mod x86 {
     }
 
     #[target_feature(enable = "avx2,fma")]
-    pub fn avx2<O: OffsetSource, M: LimitSource, S: SunSource>(
-        job: Job<'_, O, M, S>,
+    pub fn avx2<O: OffsetSource, M: LimitSource, S: SunSource, G: SagSource>(
+        job: Job<'_, O, M, S, G>,
         first: usize,
         present: Option<PresentRows<'_>>,
         scratch: &mut Scratch,
@@ -167,29 +178,47 @@ pub(crate) fn forward_rows(
     axis2: &[f64],
     out: &mut [[f64; 3]],
 ) {
-    run(
-        level,
-        Forward {
-            prepared,
-            axes: [axis1, axis2],
-            out,
-        },
-    );
+    let axes = [axis1, axis2];
+    if prepared.sags.is_empty() {
+        let sags = Stiff;
+        run(
+            level,
+            Forward {
+                prepared,
+                sags,
+                axes,
+                out,
+            },
+        );
+    } else {
+        let sags = Sagging(&prepared.sags);
+        run(
+            level,
+            Forward {
+                prepared,
+                sags,
+                axes,
+                out,
+            },
+        );
+    }
 }
 
-struct Forward<'a> {
+struct Forward<'a, G> {
     prepared: &'a Prepared,
+    sags: G,
     axes: [&'a [f64]; 2],
     out: &'a mut [[f64; 3]],
 }
 
-impl Kernel for Forward<'_> {
+impl<G: SagSource> Kernel for Forward<'_, G> {
     type Output = ();
 
     #[inline(always)]
     fn run<L: Lanes>(self) {
         let Self {
             prepared,
+            sags,
             axes: [axis1, axis2],
             out,
         } = self;
@@ -202,9 +231,15 @@ impl Kernel for Forward<'_> {
                 side[0][lane] = axis1[row] - reference1;
                 side[1][lane] = axis2[row] - reference2;
             }
-            let axes = [L::read(&side[0]), L::read(&side[1])];
-            let normal =
-                super::mount::forward::<L>(&prepared.constants[start / BLOCK], start % BLOCK, axes);
+            let (block, lane) = (start / BLOCK, start % BLOCK);
+            let (sin_gamma, cos_gamma) = sin_cos(L::read(&side[0]));
+            let (sin_alpha, cos_alpha) = sin_cos(L::read(&side[1]));
+            let mut angles = [[cos_gamma, sin_gamma], [cos_alpha, sin_alpha]];
+            if G::SAGS {
+                let [gamma, alpha] = angles;
+                angles = sags.load::<L>(block, lane).settle(gamma, alpha);
+            }
+            let normal = super::mount::forward::<L>(&prepared.constants[block], lane, angles);
             let mut columns = [[0.0; BLOCK]; 3];
             for (component, column) in normal.into_iter().zip(&mut columns) {
                 component.write(column);

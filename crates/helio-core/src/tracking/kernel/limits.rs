@@ -20,14 +20,15 @@ pub(crate) enum Limits {
 }
 
 impl Limits {
-    pub fn new(unlimited: bool, rows: &[[AxisRange<f64>; 2]], blocks: usize) -> Self {
+    /// With `apart` always [`PerHeliostat`](Self::PerHeliostat): one kernel less to compile.
+    pub fn new(unlimited: bool, apart: bool, rows: &[[AxisRange<f64>; 2]], blocks: usize) -> Self {
         let Some(first) = rows.first() else {
             return Self::None;
         };
-        if unlimited {
+        if unlimited && !apart {
             return Self::None;
         }
-        if rows.iter().all(|row| row == first) {
+        if !apart && rows.iter().all(|row| row == first) {
             return Self::Uniform(first.map(AxisRange::narrowed));
         }
         let mut columns = alloc::vec![SingleColumns([[0.0; BLOCK]; 4]); blocks];

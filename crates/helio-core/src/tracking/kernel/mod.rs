@@ -9,12 +9,14 @@ pub(crate) mod limits;
 pub(crate) mod mount;
 pub(crate) mod normal;
 mod queue;
+pub(crate) mod sag;
 mod tile;
 
 use limits::{AxisEnds, LimitSource};
 use mount::Constants;
 use normal::{OffsetSource, Rays};
 use queue::Queue;
+use sag::SagSource;
 use tile::Tile;
 
 use super::prepared::{Base, Prepared, TILE, column};
@@ -132,15 +134,16 @@ pub(crate) struct PresentRows<'a> {
 
 /// Everything a kernel needs of one sun.
 #[derive(Clone, Copy)]
-pub(crate) struct Job<'a, O, M, S> {
+pub(crate) struct Job<'a, O, M, S, G> {
     pub prepared: &'a Prepared,
     pub constants: &'a [Constants],
     pub offset: O,
     pub limits: M,
     pub sun: S,
+    pub sags: G,
 }
 
-impl<O: OffsetSource, M: LimitSource, S: SunSource> Job<'_, O, M, S> {
+impl<O: OffsetSource, M: LimitSource, S: SunSource, G: SagSource> Job<'_, O, M, S, G> {
     #[inline(always)]
     fn rays<L: Lanes>(&self, constants: &Constants, block: usize, lane: usize) -> Rays<L> {
         Rays {
@@ -203,7 +206,7 @@ impl<O: OffsetSource, M: LimitSource, S: SunSource> Job<'_, O, M, S> {
             }
             start += count;
             if queue.wants_emptying() || start >= out.len() {
-                any_outside |= queue.empty::<L, O>(self.offset, out);
+                any_outside |= queue.empty::<L, O, G>(self.offset, out);
             }
         }
         any_outside
@@ -231,6 +234,9 @@ impl<O: OffsetSource, M: LimitSource, S: SunSource> Job<'_, O, M, S> {
             ends: AxisEnds::of(&self.prepared.axis_limits[field_row]),
             present: present.unwrap_or([f64::NAN; 2]),
         });
+        if G::SAGS {
+            queue.push_sag(self.sags.row(field_row));
+        }
     }
 }
 

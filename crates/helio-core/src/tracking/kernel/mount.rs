@@ -2,6 +2,7 @@
 
 use core::f64::consts::PI;
 
+use super::sag::{Pair, Sags};
 use crate::lanes::math::{Reduced, sin_cos};
 use crate::lanes::{Columns, Lanes, Mask};
 use crate::tracking::prepared::column;
@@ -67,9 +68,64 @@ impl<L: Lanes> Pose<L> {
     /// gamma for either sign of d1: atan2(c2 d1 - c1 d2, c1 d1 + c2 d2).                     (25)-(27)
     #[inline(always)]
     pub fn gamma(&self, d1: L) -> Reduced<L> {
+        let [cosine, sine] = self.long_gamma_pair(d1);
+        Reduced::full(cosine, sine, L::splat(1.0).div(self.level_sq))
+    }
+
+    /// Cosine and sine of gamma times c1² + c2².
+    #[inline(always)]
+    fn long_gamma_pair(&self, d1: L) -> Pair<L> {
         let sine = self.d2.neg_mul_add(self.c1, self.c2.mul(d1));
         let cosine = self.d2.mul_add(self.c2, self.c1.mul(d1));
-        Reduced::full(cosine, sine, L::splat(1.0).div(self.level_sq))
+        [cosine, sine]
+    }
+
+    /// Cosine and sine of gamma for either sign of d1.
+    #[inline(always)]
+    pub fn gamma_pair(&self, d1: L) -> Pair<L> {
+        let per = L::splat(1.0).div(self.level_sq);
+        let [cosine, sine] = self.long_gamma_pair(d1);
+        [cosine.mul(per), sine.mul(per)]
+    }
+
+    /// Cosine and sine of alpha for either sign of d1.
+    #[inline(always)]
+    pub fn alpha_pair(&self, constants: &Constants, lane: usize, d1: L) -> Pair<L> {
+        let sec_mu = L::load(constants, lane, column::SEC_MU);
+        [d1.mul(sec_mu), self.sine.mul(sec_mu)]
+    }
+
+    /// Sags of both axes in both solutions, direct and over the top. `free_gamma` is gamma where it may be
+    /// anything.
+    #[inline(always)]
+    pub fn sags(
+        &self,
+        constants: &Constants,
+        lane: usize,
+        sags: &Sags<L>,
+        free_gamma: L,
+    ) -> [[L; 2]; 2] {
+        let zero = L::splat(0.0);
+        let d1 = self.d1_sq.max(zero).sqrt();
+        let vertical = self.on_fixed_axis();
+        let here = Self {
+            level_sq: L::select(vertical, L::splat(1.0), self.level_sq),
+            ..*self
+        };
+        let (free_sine, free_cosine) = sin_cos(free_gamma);
+        let mut both = [[zero; 2]; 2];
+        let mut solution = 0;
+        while solution < 2 {
+            let d1 = if solution == 0 { d1 } else { zero.sub(d1) };
+            let [cosine, sine] = here.gamma_pair(d1);
+            let gamma = [
+                L::select(vertical, free_cosine, cosine),
+                L::select(vertical, free_sine, sine),
+            ];
+            both[solution] = sags.at(gamma, here.alpha_pair(constants, lane, d1));
+            solution += 1;
+        }
+        both
     }
 
     /// Encoder angles of both solutions, not wrapped: direct and over the top. Valid also on the edge of a blind cone, where the two meet, and face up on a perfect
@@ -119,11 +175,14 @@ pub(crate) fn alpha<L: Lanes>(constants: &Constants, lane: usize, d1: L, sine: L
     Reduced::half(d1, sine, L::load(constants, lane, column::SEC_MU))
 }
 
-/// The normal along the mount's axes for gamma and alpha, Guo 2015 eq. (29).
+/// The normal along the mount's axes for the cosines and sines of gamma and alpha, Guo 2015 eq. (29).
 #[inline(always)]
-pub(crate) fn forward<L: Lanes>(constants: &Constants, lane: usize, angles: [L; 2]) -> [L; 3] {
-    let (sin_gamma, cos_gamma) = sin_cos(angles[0]);
-    let (sin_alpha, cos_alpha) = sin_cos(angles[1]);
+pub(crate) fn forward<L: Lanes>(
+    constants: &Constants,
+    lane: usize,
+    angles: [Pair<L>; 2],
+) -> [L; 3] {
+    let [[cos_gamma, sin_gamma], [cos_alpha, sin_alpha]] = angles;
     // (22)-(24) the other way
     let tan_tau1 = L::load(constants, lane, column::TAN_TAU1);
     let sec_tau1 = L::load(constants, lane, column::SEC_TAU1);

@@ -6,6 +6,7 @@ use super::Rows;
 use super::limits::{AxisEnds, AxisRange};
 use super::mount::pose;
 use super::normal::{MIN_COS_INCIDENCE, OffsetSource, Rays};
+use super::sag::{self, SagSource, Sags};
 use crate::lanes::math::Reduced;
 use crate::lanes::{BLOCK, Columns, Lanes, Mask};
 use crate::status::Status;
@@ -43,6 +44,8 @@ pub(super) struct Entry {
 pub(super) struct Queue {
     constants: Vec<Columns<{ column::COUNT }>>,
     own: Vec<Columns<{ own::COUNT }>>,
+    /// As long as rows with sag were ever pushed.
+    sags: Vec<Columns<{ sag::COUNT }>>,
     out_rows: Vec<usize>,
     len: usize,
 }
@@ -52,6 +55,7 @@ impl Queue {
         Self {
             constants: Vec::new(),
             own: Vec::new(),
+            sags: Vec::new(),
             out_rows: Vec::new(),
             len: 0,
         }
@@ -78,22 +82,40 @@ impl Queue {
         self.len += 1;
     }
 
+    /// The sag of the row pushed last: for every row of a field with sag, and for none of another.
+    pub fn push_sag(&mut self, sag: [f64; sag::COUNT]) {
+        let row = self.len - 1;
+        if self.sags.len() <= row / BLOCK {
+            self.sags.push(Columns([[0.0; BLOCK]; sag::COUNT]));
+        }
+        for (column, value) in self.sags[row / BLOCK].0.iter_mut().zip(sag) {
+            column[row % BLOCK] = value;
+        }
+    }
+
     pub fn wants_emptying(&self) -> bool {
         self.len >= ENOUGH
     }
 
     /// Computes the rows and puts them in their places. True if one lies outside its limits.
     #[inline(always)]
-    pub fn empty<V: Lanes, O: OffsetSource>(&mut self, offset: O, out: &mut Rows<'_>) -> bool {
+    pub fn empty<V: Lanes, O: OffsetSource, G: SagSource>(
+        &mut self,
+        offset: O,
+        out: &mut Rows<'_>,
+    ) -> bool {
         let mut any_outside = false;
         // The rest of the last block repeats a row: padding must not take a path of its own.
         for row in self.len..self.len.next_multiple_of(BLOCK) {
             repeat_row(&mut self.constants, self.len - 1, row);
             repeat_row(&mut self.own, self.len - 1, row);
+            if G::SAGS {
+                repeat_row(&mut self.sags, self.len - 1, row);
+            }
         }
         let mut first = 0;
         while first < self.len {
-            let answer = self.full_group::<V, O>(offset, first);
+            let answer = self.full_group::<V, O, G>(offset, first);
             for lane in 0..V::WIDTH.min(self.len - first) {
                 let row = self.out_rows[first + lane];
                 let status = Status::from_code(answer.status[lane] as u8).unwrap_or_default();
@@ -135,7 +157,7 @@ impl Queue {
 
     /// Rows to which anything may happen.
     #[inline(always)]
-    fn full_group<L: Lanes, O: OffsetSource>(&self, offset: O, row: usize) -> Answer {
+    fn full_group<L: Lanes, O: OffsetSource, G: SagSource>(&self, offset: O, row: usize) -> Answer {
         let splat = L::splat;
         let nan = splat(f64::NAN);
         let half_t = [
@@ -179,9 +201,19 @@ impl Queue {
         let k = offset.lean::<L, true>(ratio, &bisector);
         let normal = offset.normal::<L, true>(&rays, &bisector, k);
         let pose = pose::<L>(&self.constants[row / BLOCK], row % BLOCK, normal.n);
-        let [direct, over] = pose.both(&self.constants[row / BLOCK], row % BLOCK);
+        let [mut direct, mut over] = pose.both(&self.constants[row / BLOCK], row % BLOCK);
 
         let free1 = pose.on_fixed_axis();
+        if G::SAGS {
+            let (block, lane) = (row / BLOCK, row % BLOCK);
+            // Where the first axis may stand anywhere, the second sags by where it does stand.
+            let shift1 = L::load(&self.constants[block], lane, column::SHIFT1);
+            let free_gamma = stay(ranges[0].window(shift1), &ends[0], present[0]).sub(shift1);
+            let sags = Sags::load(&self.sags[block], lane);
+            let [of_direct, of_over] = pose.sags(&self.constants[block], lane, &sags, free_gamma);
+            direct = [direct[0].sub(of_direct[0]), direct[1].sub(of_direct[1])];
+            over = [over[0].sub(of_over[0]), over[1].sub(of_over[1])];
+        }
         let direct = Choice::of(direct, free1, &ranges, &ends, present);
         let over = Choice::of(over, free1, &ranges, &ends, present);
         // Without any limit the direct solution is the answer; see AxisLimits::NONE.
@@ -245,6 +277,15 @@ struct Answer {
     status: [f64; BLOCK],
 }
 
+/// Where any angle will do an axis stays, or moves no farther than into its limits.
+#[inline(always)]
+fn stay<L: Lanes>(home: L, ends: &AxisEnds<L>, present: L) -> L {
+    let tolerance = L::splat(LIMIT_TOLERANCE_RAD);
+    L::select(present.le(L::splat(f64::INFINITY)), present, home)
+        .max(ends.low.add(tolerance))
+        .min(ends.high.sub(tolerance))
+}
+
 /// One of the two solutions, by the turns that suit the limits and the present position.
 #[derive(Clone, Copy)]
 struct Choice<L: Lanes> {
@@ -285,14 +326,12 @@ impl<L: Lanes> Choice<L> {
         let excess2 = L::splat(0.0).sub(ranges[1].margin(home[1]));
         let excess = excess1.max(excess2);
         let fits = excess.le(L::splat(0.0));
-        // Where any will do the first axis stays, or moves no farther than into its limits.
-        let stay = L::select(known[0], present[0], home[0]);
-        let tolerance = L::splat(LIMIT_TOLERANCE_RAD);
-        let stay = stay
-            .max(ends[0].low.add(tolerance))
-            .min(ends[0].high.sub(tolerance));
         let angles = [
-            L::select(free1, stay, ends[0].nearest(home[0], present[0])),
+            L::select(
+                free1,
+                stay(home[0], &ends[0], present[0]),
+                ends[0].nearest(home[0], present[0]),
+            ),
             ends[1].nearest(home[1], present[1]),
         ];
         let zero = L::splat(0.0);

@@ -8,6 +8,7 @@
 use super::limits::LimitSource;
 use super::mount::{Constants, Pose, alpha, pose};
 use super::normal::{Bisector, OffsetSource, doubt};
+use super::sag::SagSource;
 use super::{Job, Rows, SunSource};
 use crate::lanes::math::Reduced;
 use crate::lanes::{BLOCK, Lanes, prefetch};
@@ -45,6 +46,8 @@ mod slot {
     pub const GAMMA: usize = C1;
     /// Two: base and component.
     pub const ALPHA: usize = SINE;
+    pub const SAG1: usize = D1;
+    pub const SAG2: usize = D2;
 
     pub const COUNT: usize = 9;
 }
@@ -75,7 +78,7 @@ impl Tile {
     }
 }
 
-impl<O: OffsetSource, M: LimitSource, S: SunSource> Job<'_, O, M, S> {
+impl<O: OffsetSource, M: LimitSource, S: SunSource, G: SagSource> Job<'_, O, M, S, G> {
     /// The first phase of a block: sun and aim.
     #[inline(always)]
     fn open_block<L: Lanes>(&self, c: &Constants, block: usize, t: &mut Between) {
@@ -111,7 +114,11 @@ impl<O: OffsetSource, M: LimitSource, S: SunSource> Job<'_, O, M, S> {
             let mut doubt = L::read(&t.0[slot::DOUBT][lane..]);
             let range1 = self.limits.range::<L>(block, lane, 0);
             let mut axis1 = gamma.add(L::load(c, lane, column::SHIFT1));
-            let axis2 = alpha.add(L::load(c, lane, column::SHIFT2));
+            let mut axis2 = alpha.add(L::load(c, lane, column::SHIFT2));
+            if G::SAGS {
+                axis1 = axis1.sub(L::read(&t.0[slot::SAG1][lane..]));
+                axis2 = axis2.sub(L::read(&t.0[slot::SAG2][lane..]));
+            }
             if M::LIMITED {
                 let range2 = self.limits.range::<L>(block, lane, 1);
                 axis1 = range1.nearest_turn(axis1);
@@ -213,8 +220,9 @@ impl<O: OffsetSource, M: LimitSource, S: SunSource> Job<'_, O, M, S> {
             }
             ahead(c, [9, 10]);
             self.limits.prefetch(first + index + BLOCKS);
+            self.sags.prefetch(first + index + BLOCKS);
         }
-        for (c, t) in constants.iter().zip(between.iter_mut()) {
+        for (index, (c, t)) in constants.iter().zip(between.iter_mut()).enumerate() {
             let mut lane = 0;
             while lane < BLOCK {
                 let d1 = L::read(&t.0[slot::D1][lane..]);
@@ -229,6 +237,12 @@ impl<O: OffsetSource, M: LimitSource, S: SunSource> Job<'_, O, M, S> {
                 let gamma = pose.gamma(d1);
                 alpha(c, lane, d1, pose.sine).write(t, slot::ALPHA, lane);
                 gamma.write(t, slot::GAMMA, lane);
+                if G::SAGS {
+                    let sags = self.sags.load::<L>(first + index, lane);
+                    let [sag1, sag2] = sags.at(pose.gamma_pair(d1), pose.alpha_pair(c, lane, d1));
+                    sag1.write(&mut t.0[slot::SAG1][lane..]);
+                    sag2.write(&mut t.0[slot::SAG2][lane..]);
+                }
                 lane += L::WIDTH;
             }
             ahead(c, [11, 12]);
