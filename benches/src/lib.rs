@@ -1,6 +1,7 @@
 //! What the benchmarks share: the peers' files, a clock and the command line.
 
 pub mod campaigns;
+pub mod juelich;
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

@@ -62,12 +62,34 @@ pub fn targets(juelich: &Path) -> Vec<(String, TargetPlane)> {
     targets
 }
 
+/// Who found the spots.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Spots {
+    /// The plant's software.
+    Helios,
+    /// A network that separates spot and background; not for every record.
+    Utis,
+}
+
 /// The records of one heliostat, with the HeliOS spots; of AA39 and AA23 the last epoch alone.
 ///
 /// # Panics
 /// If a file is not there or not as described.
 #[must_use]
 pub fn records(data: &Path, name: &str) -> Records {
+    records_with(data, name, Spots::Helios)
+}
+
+/// The records of one heliostat that have spots of one kind; none where its file has none of that kind.
+///
+/// # Panics
+/// If a file is not there or not as described.
+#[must_use]
+pub fn records_with(data: &Path, name: &str, spots: Spots) -> Records {
+    let [east, north, up] = match spots {
+        Spots::Helios => ["helios_e_m", "helios_n_m", "helios_u_m"],
+        Spots::Utis => ["utis_e_m", "utis_n_m", "utis_u_m"],
+    };
     let juelich = data.join("juelich");
     let folder = juelich.join("calibration");
     let heliostats = Table::read(folder.join("heliostats.csv"));
@@ -101,6 +123,9 @@ pub fn records(data: &Path, name: &str) -> Records {
         {
             continue;
         }
+        if !table.has(east) || table.text(record, east).is_empty() {
+            continue;
+        }
         let at = |column: &str| table.number(record, column);
         let target = table.text(record, "target");
         let target = targets
@@ -108,7 +133,7 @@ pub fn records(data: &Path, name: &str) -> Records {
             .position(|(name, _)| name == target)
             .expect("a known target");
         let plane = targets[target].1;
-        let spot = Enu::new(at("helios_e_m"), at("helios_n_m"), at("helios_u_m")) - plane.centre;
+        let spot = Enu::new(at(east), at(north), at(up)) - plane.centre;
         let sun = EnuUnit::from_azimuth_elevation(
             (180.0 - at("sun_azimuth_south_deg")).to_radians(),
             at("sun_elevation_deg").to_radians(),

@@ -6,6 +6,7 @@ pub mod diagnosis;
 pub mod error;
 pub mod field;
 pub mod fit;
+pub mod joint;
 pub mod loss;
 pub mod measures;
 pub mod model;

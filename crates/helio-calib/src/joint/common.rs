@@ -1,0 +1,133 @@
+//! What the whole field has in common: the small dense end of the arrow.
+
+use faer::prelude::Solve;
+use faer::{Mat, Side};
+
+use super::belief::{Belief, Shape, Told, at};
+
+/// What records of any number of heliostats tell.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Sum {
+    told: Told<f64>,
+    log_determinant: f64,
+}
+
+impl Sum {
+    pub fn new(told: Told<f64>, log_determinant: f64) -> Self {
+        Self {
+            told,
+            log_determinant,
+        }
+    }
+
+    pub fn nothing(shape: Shape) -> Self {
+        Self::new(Told::nothing(shape), 0.0)
+    }
+
+    pub fn add(&mut self, other: &Self) {
+        let add = |to: &mut [f64], from: &[f64]| {
+            for (a, b) in to.iter_mut().zip(from) {
+                *a += b;
+            }
+        };
+        add(&mut self.told.matrix, &other.told.matrix);
+        add(&mut self.told.vector, &other.told.vector);
+        self.told.square += other.told.square;
+        self.log_determinant += other.log_determinant;
+    }
+}
+
+/// Distribution of what is common after the records.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Common {
+    pub mean: Vec<f64>,
+    /// Row by row.
+    pub covariance: Vec<f64>,
+    pub minus_log_likelihood: f64,
+}
+
+impl Common {
+    /// From records and what was expected: zero, with these standard deviations. `None` where the numbers are
+    /// not finite.
+    pub fn new(sum: &Sum, prior_sigma: &[f64]) -> Option<Self> {
+        let n = prior_sigma.len();
+        // in units of the prior's sigma: I + D Λ D, never worse conditioned than the records make it
+        let matrix = Mat::from_fn(n, n, |i, j| {
+            let (i, j) = (i.max(j), i.min(j));
+            let unit = f64::from(u8::from(i == j));
+            unit + prior_sigma[i] * prior_sigma[j] * sum.told.matrix[at(i, j)]
+        });
+        let factor = matrix.llt(Side::Lower).ok()?;
+        let vector = Mat::from_fn(n, 1, |i, _| prior_sigma[i] * sum.told.vector[i]);
+        let solved = factor.solve(&vector);
+        let covariance = factor.solve(Mat::<f64>::identity(n, n));
+        let mean: Vec<f64> = (0..n).map(|i| prior_sigma[i] * solved[(i, 0)]).collect();
+        let explained: f64 = (0..n).map(|i| vector[(i, 0)] * solved[(i, 0)]).sum();
+        let root = factor.L();
+        let log_determinant: f64 = (0..n).map(|i| 2.0 * libm::log(root[(i, i)])).sum();
+        let minus_log_likelihood =
+            0.5 * (sum.told.square - explained + log_determinant + sum.log_determinant);
+        let covariance = (0..n * n)
+            .map(|k| prior_sigma[k / n] * prior_sigma[k % n] * covariance[(k / n, k % n)])
+            .collect();
+        minus_log_likelihood.is_finite().then_some(Self {
+            mean,
+            covariance,
+            minus_log_likelihood,
+        })
+    }
+
+    /// Mean of a heliostat's own unknowns.
+    pub fn mean_of(&self, belief: &Belief<f64>) -> Vec<f64> {
+        let lines = belief.gain.chunks_exact(self.mean.len());
+        let of_line =
+            |line: &[f64]| -> f64 { line.iter().zip(&self.mean).map(|(g, b)| g * b).sum() };
+        belief
+            .mean
+            .iter()
+            .zip(lines)
+            .map(|(m, line)| m + of_line(line))
+            .collect()
+    }
+
+    /// Covariance of a heliostat's own unknowns, row by row: P + G V Gᵀ.
+    pub fn covariance_of(&self, belief: &Belief<f64>) -> Vec<f64> {
+        let (own, common) = (belief.shape.own(), self.mean.len());
+        let mut through = vec![0.0; own * common];
+        for i in 0..own {
+            for k in 0..common {
+                let g = belief.gain[i * common + k];
+                if g != 0.0 {
+                    for l in 0..common {
+                        through[i * common + l] += g * self.covariance[k * common + l];
+                    }
+                }
+            }
+        }
+        let mut out = vec![0.0; own * own];
+        for i in 0..own {
+            for j in 0..=i {
+                let mut value = belief.spread[at(i, j)];
+                for l in 0..common {
+                    value += through[i * common + l] * belief.gain[j * common + l];
+                }
+                out[i * own + j] = value;
+                out[j * own + i] = value;
+            }
+        }
+        out
+    }
+
+    /// One standard deviation of a common unknown.
+    pub fn sigma(&self, k: usize) -> f64 {
+        libm::sqrt(self.covariance[k * self.mean.len() + k])
+    }
+
+    /// Logarithm of how much likelier the records are with this unknown than with it held at zero (Savage and
+    /// Dickey): densities at zero before and after.
+    pub fn log_evidence(&self, k: usize, prior_sigma: f64) -> f64 {
+        let sigma = self.sigma(k);
+        let z = self.mean[k] / sigma;
+        0.5 * z * z + libm::log(sigma / prior_sigma)
+    }
+}

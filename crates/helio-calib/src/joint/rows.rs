@@ -1,0 +1,343 @@
+//! Records as rows of a linear model.
+
+use core::f64::consts::TAU;
+
+use helio_core::{Enu, EnuUnit};
+
+use super::belief::{Number, REFERENCES, Shape, column};
+use super::hyper::Marks;
+use super::terms::{AxisCause, Cause, LoadedPose};
+use crate::field::Campaign;
+use crate::model::{Pose, landing, normal, turned_back, turned_on};
+use crate::observation::Sighting;
+use crate::parameters::{COUNT, Parameter, Parameters};
+
+/// Angles of a mount.
+pub(super) const ANGLES: usize = 6;
+/// Milliradians of a radian: the unit of angles in the filter.
+pub(super) const MILLI: f64 = 1e3;
+/// The sun's turn about the pole \[rad/s\].
+const SUN_TURN_RAD_S: f64 = TAU / 86_400.0;
+/// Nanoseconds of a day.
+pub(super) const DAY_NS: f64 = 86_400e9;
+
+/// Which unknowns there are.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Structure {
+    /// Causes of which each heliostat has its own value, after its six angles.
+    pub own: Vec<AxisCause>,
+    /// Causes of which there is one value.
+    pub shared: Vec<Cause>,
+}
+
+impl Structure {
+    pub fn shape(&self) -> Shape {
+        Shape {
+            still: ANGLES + self.own.len(),
+            causes: self.shared.len(),
+            tied: true,
+        }
+    }
+}
+
+/// Where the linear model touches the formula: radians, metres, seconds.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Expansion {
+    /// Six angles and own causes.
+    pub still: Vec<f64>,
+    /// Shared causes.
+    pub shared: Vec<f64>,
+}
+
+/// How an unknown is measured in the filter: by this times its own unit.
+pub(super) const fn filter_unit(cause: Cause) -> f64 {
+    match cause {
+        Cause::Axis(_) => MILLI,
+        Cause::TargetRight(_) | Cause::TargetDown(_) | Cause::SunTime => 1.0,
+    }
+}
+
+/// Fixed-point steps to the loaded pose: each shrinks the error by the size of the causes, below 0.05.
+const LOADING_STEPS: usize = 6;
+
+/// A record's numbers that do not depend on the heliostat's unknowns.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Prepared<T> {
+    pub sighting: Sighting<T>,
+    /// Motion of the sun along the mount's axes \[1/s\].
+    pub sun_motion: [T; 3],
+    /// See [`Sighting::across_beam`], over the slant: mrad per metre.
+    pub across: [[T; 2]; 2],
+}
+
+/// The numbers of a linearised record (see [`column`]) but for time and noise; false where the beam does not meet
+/// the target.
+#[inline(always)]
+pub(super) fn linearise<T: Number>(
+    structure: &Structure,
+    at: (&[T], &[T]),
+    prepared: &Prepared<T>,
+    target: usize,
+    row: &mut [T],
+) -> [T; 3] {
+    let (still, shared) = at;
+    let zero = T::splat(0.0);
+    let sighting = &prepared.sighting;
+    let mut values = [zero; COUNT];
+    values[..ANGLES].copy_from_slice(&still[..ANGLES]);
+    values[Parameter::MirrorOffset as usize] = still[still.len() - 1];
+    let pose = Pose::new(values);
+    // The loaded pose: true angles = read angles less references, turned by the causes there.
+    let cos_sin = |angle: T| {
+        let (sine, cosine) = angle.sin_cos();
+        [cosine, sine]
+    };
+    let unloaded = [
+        turned_back(sighting.axis1, cos_sin(still[REFERENCES[0]])),
+        turned_back(sighting.axis2, cos_sin(still[REFERENCES[1]])),
+    ];
+    let mut turn = [zero; 2];
+    let mut loaded = LoadedPose {
+        axis1: unloaded[0],
+        axis2: unloaded[1],
+        up: sighting.up,
+    };
+    let mut axis_causes = 0;
+    for _ in 0..LOADING_STEPS {
+        turn = [zero; 2];
+        axis_causes = 0;
+        let mut add = |cause: AxisCause, value: T| {
+            let by = cause.turn(&loaded);
+            turn = [value.mul_add(by[0], turn[0]), value.mul_add(by[1], turn[1])];
+            axis_causes += 1;
+        };
+        for (k, &cause) in structure.own.iter().enumerate() {
+            add(cause, still[ANGLES + k]);
+        }
+        for (&cause, &value) in structure.shared.iter().zip(shared) {
+            if let Cause::Axis(cause) = cause {
+                add(cause, value);
+            }
+        }
+        if axis_causes == 0 {
+            break;
+        }
+        loaded.axis1 = turned_on(unloaded[0], turn[0]);
+        loaded.axis2 = turned_on(unloaded[1], turn[1]);
+    }
+    let mut turned = *sighting;
+    if axis_causes > 0 {
+        turned.axis1 = turned_on(sighting.axis1, turn[0]);
+        turned.axis2 = turned_on(sighting.axis2, turn[1]);
+    }
+    turned.sag = None;
+    let land = landing(&pose, &turned);
+    let across = |v: [T; 2]| {
+        prepared
+            .across
+            .map(|[right, down]| right.mul_add(v[0], down * v[1]))
+    };
+    // across the beam, per milliradian or in the filter's unit
+    let per_milli = T::splat(1.0 / MILLI);
+    let (slopes, rest) = row.split_at_mut(2 * (ANGLES + structure.own.len()));
+    let (by_cause, rest) = rest.split_at_mut(2 * structure.shared.len());
+    let mut seen = across([-land.residual_m[0], -land.residual_m[1]]);
+    let mut put = |to: &mut [T], slope: [T; 2], value: T, unit: T| {
+        to[0] = slope[0];
+        to[1] = slope[1];
+        let scaled = value * unit;
+        seen = [
+            slope[0].mul_add(scaled, seen[0]),
+            slope[1].mul_add(scaled, seen[1]),
+        ];
+    };
+    let milli = T::splat(MILLI);
+    for k in 0..ANGLES {
+        let slope = across([land.slopes[0][k] * per_milli, land.slopes[1][k] * per_milli]);
+        put(&mut slopes[2 * k..2 * k + 2], slope, still[k], milli);
+    }
+    let reference = |k: usize| [slopes[2 * REFERENCES[k]], slopes[2 * REFERENCES[k] + 1]];
+    let references = [reference(0), reference(1)];
+    let by_turn = |cause: AxisCause| {
+        let [by1, by2] = cause.turn(&loaded);
+        [0, 1].map(|i| -(references[0][i] * by1) - references[1][i] * by2)
+    };
+    for (k, &cause) in structure.own.iter().enumerate() {
+        let k = ANGLES + k;
+        put(
+            &mut slopes[2 * k..2 * k + 2],
+            by_turn(cause),
+            still[k],
+            milli,
+        );
+    }
+    // r = 2 (s·n) n - s and the spot's lambda r move with s
+    let n = normal(&pose, &turned).n;
+    let dot = |a: [T; 3], b: [T; 3]| a[2].mul_add(b[2], a[1].mul_add(b[1], a[0] * b[0]));
+    let double = T::splat(2.0) * land.cos_incidence;
+    let beam: [T; 3] = core::array::from_fn(|k| double.mul_add(n[k], -turned.sun[k]));
+    let motion = prepared.sun_motion;
+    let along = T::splat(2.0) * dot(motion, n);
+    let moved: [T; 3] = core::array::from_fn(|k| along.mul_add(n[k], -motion[k]));
+    let [plane_normal, right, down] = turned.plane;
+    let slip = dot(plane_normal, moved) / land.facing;
+    let moved: [T; 3] = core::array::from_fn(|k| land.beam_m * (moved[k] - slip * beam[k]));
+    let path = across([dot(right, moved), dot(down, moved)]);
+    let one = T::splat(1.0);
+    for (k, &cause) in structure.shared.iter().enumerate() {
+        let slope = match cause {
+            Cause::Axis(cause) => by_turn(cause),
+            Cause::TargetRight(of) if of == target => across([one, zero]),
+            Cause::TargetDown(of) if of == target => across([zero, one]),
+            Cause::TargetRight(_) | Cause::TargetDown(_) => [zero; 2],
+            Cause::SunTime => path,
+        };
+        // Of the causes the formula knows those alone that turn axes: the others add to what it predicts.
+        let value = match cause {
+            Cause::Axis(_) => shared[k],
+            _ => zero,
+        };
+        put(&mut by_cause[2 * k..2 * k + 2], slope, value, milli);
+    }
+    rest[column::SEEN] = seen[0];
+    rest[column::SEEN + 1] = seen[1];
+    rest[column::PATH] = path[0];
+    rest[column::PATH + 1] = path[1];
+    [land.cos_incidence, -land.facing, land.beam_m]
+}
+
+/// Linearised records of one heliostat, in time.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Rows {
+    /// Numbers of all records, one after the other.
+    pub numbers: Vec<f64>,
+    /// Which observation each is.
+    pub of: Vec<usize>,
+    /// When \[days since 1970\]; of the record before where none is known.
+    pub days: Vec<f64>,
+}
+
+impl Rows {
+    pub fn len(&self) -> usize {
+        self.of.len()
+    }
+    pub fn row(&self, shape: Shape, k: usize) -> &[f64] {
+        &self.numbers[k * shape.row()..(k + 1) * shape.row()]
+    }
+    pub fn row_mut(&mut self, shape: Shape, k: usize) -> &mut [f64] {
+        &mut self.numbers[k * shape.row()..(k + 1) * shape.row()]
+    }
+}
+
+/// Toward the celestial pole about which the sun turns, from its latitude.
+pub(super) fn pole(latitude_rad: f64) -> Enu {
+    let (sine, cosine) = libm::sincos(latitude_rad);
+    Enu::new(0.0, cosine, sine)
+}
+
+/// How a direction to the sun moves \[1/s\].
+fn sun_motion(sun: EnuUnit, pole: Enu) -> Enu {
+    sun.as_enu().cross(pole) * SUN_TURN_RAD_S
+}
+
+/// What does not depend on where the model is expanded.
+pub(super) fn prepare(campaign: &Campaign<'_>, of: usize, pole: Enu) -> Prepared<f64> {
+    let (mount, observation) = (&campaign.mount, &campaign.observations[of]);
+    let sighting = Sighting::new(mount, observation);
+    let [u, v] = sighting.spot_m;
+    let slant_m =
+        libm::sqrt(u * u + v * v + sighting.centre_along_normal_m * sighting.centre_along_normal_m);
+    let per = MILLI / slant_m;
+    Prepared {
+        sun_motion: mount.components(sun_motion(observation.sun, pole)),
+        across: sighting.across_beam().map(|line| line.map(|x| x * per)),
+        sighting,
+    }
+}
+
+/// Records in time, those without one beside the record before.
+pub(super) fn in_time(campaign: &Campaign<'_>) -> (Vec<usize>, Vec<f64>) {
+    let observations = campaign.observations;
+    let mut last = observations
+        .iter()
+        .find_map(|o| o.unix_ns)
+        .unwrap_or_default();
+    let mut order: Vec<(i64, usize)> = observations
+        .iter()
+        .enumerate()
+        .map(|(k, o)| {
+            last = o.unix_ns.unwrap_or(last);
+            (last, k)
+        })
+        .collect();
+    order.sort_unstable();
+    order
+        .into_iter()
+        .map(|(ns, k)| (k, ns as f64 / DAY_NS))
+        .unzip()
+}
+
+impl Rows {
+    /// Linearises the records of a heliostat about `at`. Those whose beam does not meet its target there tell
+    /// nothing.
+    pub fn of(structure: &Structure, campaign: &Campaign<'_>, at: &Expansion, pole: Enu) -> Self {
+        let shape = structure.shape();
+        let (of, days) = in_time(campaign);
+        let mut numbers = vec![0.0; of.len() * shape.row()];
+        let mut still = at.still.clone();
+        still.push(campaign.mount.mirror_offset_m);
+        for (k, row) in numbers.chunks_exact_mut(shape.row()).enumerate() {
+            let observation = &campaign.observations[of[k]];
+            let prepared = prepare(campaign, of[k], pole);
+            let lands = linearise(
+                structure,
+                (&still, &at.shared),
+                &prepared,
+                observation.target,
+                row,
+            );
+            let rest = shape.row() - column::REST;
+            let numbers_finite = row.iter().all(|x| x.is_finite());
+            if !(numbers_finite && lands.iter().all(|x| *x > 0.0)) {
+                silence(shape, row);
+            }
+            let per = prepared.across[0][0].hypot(prepared.across[0][1]);
+            match observation.sigma_m {
+                Some(sigma_m) => row[rest + column::STATED] = per * per * sigma_m * sigma_m,
+                None => row[rest + column::ON_TARGET] = per * per,
+            }
+            if k > 0 {
+                row[rest + column::DAYS] = days[k] - days[k - 1];
+            }
+        }
+        Self { numbers, of, days }
+    }
+}
+
+impl Rows {
+    /// Writes down what was decided: outliers are not believed, jumps loosen zero points.
+    pub fn mark(&mut self, shape: Shape, marks: &Marks, jump_mrad: f64) {
+        let rest = shape.row() - column::REST;
+        for &k in &marks.outliers {
+            self.row_mut(shape, k)[rest + column::SILENT] = 1.0;
+        }
+        for &(k, axis) in &marks.jumps {
+            self.row_mut(shape, k)[rest + column::JUMP + axis] = jump_mrad * jump_mrad;
+        }
+    }
+}
+
+/// A record that tells nothing: no unknown moves it.
+pub(super) fn silence(shape: Shape, row: &mut [f64]) {
+    let rest = shape.row() - column::REST;
+    row[..rest].fill(0.0);
+    row[rest + column::SEEN..rest + column::PATH + 2].fill(0.0);
+    row[rest + column::SILENT] = 1.0;
+}
+
+/// The six angles of an expansion as parameters.
+pub(super) fn parameters(still: &[f64], mirror_offset_m: f64) -> Parameters {
+    let mut values = [mirror_offset_m; COUNT];
+    values[..ANGLES].copy_from_slice(&still[..ANGLES]);
+    Parameters { values }
+}
