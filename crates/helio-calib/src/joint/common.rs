@@ -8,8 +8,8 @@ use super::belief::{Belief, Shape, Told, at};
 /// What records of any number of heliostats tell.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Sum {
-    told: Told<f64>,
-    log_determinant: f64,
+    pub told: Told<f64>,
+    pub log_determinant: f64,
 }
 
 impl Sum {

@@ -40,11 +40,25 @@ const MOST: usize = 8;
 const GIVEN_UP: f64 = 12.0;
 
 /// One account of what happened.
-#[derive(Debug, Clone)]
-struct Account {
-    log_likelihood: f64,
-    belief: Belief<f64>,
-    marks: Marks,
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Account {
+    /// Less that of the likeliest.
+    pub log_likelihood: f64,
+    pub belief: Belief<f64>,
+    /// What its records tell of what is common, since that was last taken from it.
+    pub told: Told<f64>,
+    pub marks: Marks,
+}
+
+impl Account {
+    pub fn new(belief: Belief<f64>) -> Self {
+        Self {
+            log_likelihood: 0.0,
+            told: Told::nothing(belief.shape),
+            belief,
+            marks: Marks::default(),
+        }
+    }
 }
 
 fn log_density(surprise: &Surprise<f64>) -> f64 {
@@ -71,12 +85,7 @@ pub(super) fn judge(
             belief.spread[super::belief::at(i, j)] += common_covariance[i * common.len() + j];
         }
     }
-    let mut accounts = vec![Account {
-        log_likelihood: 0.0,
-        belief,
-        marks: Marks::default(),
-    }];
-    let mut told = Told::nothing(alone);
+    let mut accounts = vec![Account::new(belief)];
     let rest = shape.row() - column::REST;
     let mut row = vec![0.0; shape.row()];
     for k in 0..rows.len() {
@@ -92,7 +101,7 @@ pub(super) fn judge(
             account.belief.wait(kept, added);
         }
         if row[rest + column::SILENT] == 0.0 {
-            accounts = told_by(accounts, k, &row, &rates, mishaps, &mut told);
+            accounts = told_by(accounts, k, &row, &rates, mishaps, &[]);
         }
     }
     accounts
@@ -102,42 +111,43 @@ pub(super) fn judge(
         .unwrap_or_default()
 }
 
-/// The accounts after a record, likeliest first.
-fn told_by(
+/// The accounts after record number `k`, likeliest first. Where beliefs are tied to what is common, that is
+/// taken as `common` to judge by.
+pub(super) fn told_by(
     accounts: Vec<Account>,
     k: usize,
     row: &[f64],
     rates: &Rates,
     mishaps: &Mishaps,
-    told: &mut Told<f64>,
+    common: &[f64],
 ) -> Vec<Account> {
     let truth = libm::log(1.0 - mishaps.outlier - mishaps.jump);
     let mut after: Vec<Account> = Vec::with_capacity(accounts.len() * 4);
     for mut account in accounts {
-        let as_it_is = account.belief.weigh(row, rates, 0.0, &[]);
+        let as_it_is = account.belief.weigh(row, rates, 0.0, common);
         if as_it_is.square > DOUBTFUL {
             for axis in 0..2 {
                 let mut jumped = account.clone();
                 let mut variances = [0.0; 2];
                 variances[axis] = mishaps.jump_mrad * mishaps.jump_mrad;
                 jumped.belief.loosen(variances);
-                let surprise = jumped.belief.weigh(row, rates, 0.0, &[]);
+                let surprise = jumped.belief.weigh(row, rates, 0.0, common);
                 jumped.log_likelihood += libm::log(0.5 * mishaps.jump) + log_density(&surprise);
-                jumped.belief.believe(&surprise, told);
+                jumped.belief.believe(&surprise, &mut jumped.told);
                 jumped.marks.jumps.push((k, axis));
                 after.push(jumped);
             }
             let mut wrong = account.clone();
             let scatter = mishaps.outlier_mrad * mishaps.outlier_mrad;
-            let surprise = wrong.belief.weigh(row, rates, scatter, &[]);
+            let surprise = wrong.belief.weigh(row, rates, scatter, common);
             wrong.log_likelihood += libm::log(mishaps.outlier) + log_density(&surprise);
             wrong.marks.outliers.push(k);
             after.push(wrong);
             // weighed anew: the room of the belief holds the last record weighed
-            account.belief.weigh(row, rates, 0.0, &[]);
+            account.belief.weigh(row, rates, 0.0, common);
         }
         account.log_likelihood += truth + log_density(&as_it_is);
-        account.belief.believe(&as_it_is, told);
+        account.belief.believe(&as_it_is, &mut account.told);
         after.push(account);
     }
     after.sort_by(|a, b| b.log_likelihood.total_cmp(&a.log_likelihood));

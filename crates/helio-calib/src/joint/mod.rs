@@ -8,8 +8,11 @@
 
 mod belief;
 mod common;
+mod follow;
+mod foretell;
 mod hyper;
 mod hypotheses;
+mod parts;
 mod rows;
 mod terms;
 
@@ -17,16 +20,18 @@ use rayon::prelude::*;
 
 use crate::error::CalibrationError;
 use crate::field::{Campaign, FieldFitOptions, fit_field};
-use crate::parameters::Parameters;
-use belief::{Belief, REFERENCES, Shape, WANDERING, column};
+use belief::{Belief, REFERENCES, Shape, WANDERING};
 use common::{Common, Sum};
+pub use follow::{Alarm, FieldState, Followed, JumpSeen, Known, Step, StepKind};
+pub use foretell::{Foretold, History};
 use hyper::{
     EXPECTED_NOISE, EXPECTED_SPREAD_MRAD, EXPECTED_WANDER, Hyper, Marks, expected_covariance,
-    filter, learn, minus_log_likelihood, waited,
+    filter, learn, minus_log_likelihood,
 };
 pub use hyper::{Noise, Wander};
 pub use hypotheses::Mishaps;
 use hypotheses::judge;
+pub use parts::{AccountParts, HeliostatParts, StateParts};
 use rows::{ANGLES, Expansion, MILLI, Rows, Structure, filter_unit, pole};
 pub use terms::{AxisCause, Cause, Description, Scope};
 
@@ -100,6 +105,8 @@ pub struct Posterior {
     pub outliers: Vec<usize>,
     /// Observations before which the zero point of an axis (0 or 1) jumped.
     pub jumps: Vec<(usize, usize)>,
+    /// How many observations it had.
+    pub records: usize,
     belief: Belief<f64>,
 }
 
@@ -123,32 +130,10 @@ pub struct JointFit {
     structure: Structure,
     hyper: Hyper,
     common: Common,
-    pole: helio_core::Enu,
-}
-
-/// A spot foretold.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Foretold {
-    /// Seen less foretold, across the beam \[mrad\].
-    pub miss_mrad: [f64; 2],
-    /// Covariance of that, noise of the record included \[mrad²\]: first, mixed, second.
-    pub covariance_mrad2: [f64; 3],
-}
-
-impl Foretold {
-    /// Length of the miss \[mrad\].
-    #[must_use]
-    pub fn beam_mrad(&self) -> f64 {
-        self.miss_mrad[0].hypot(self.miss_mrad[1])
-    }
-
-    /// Squared length in standard deviations: chi-squared with two degrees of freedom.
-    #[must_use]
-    pub fn square(&self) -> f64 {
-        let [a, b, c] = self.covariance_mrad2;
-        let [x, y] = self.miss_mrad;
-        (c * x * x - 2.0 * b * x * y + a * y * y) / (a * c - b * b)
-    }
+    told: Sum,
+    prior_sigma: Vec<f64>,
+    mishaps: Mishaps,
+    site_latitude_rad: f64,
 }
 
 /// Standard deviation of the field's means before anything was seen \[mrad\].
@@ -174,6 +159,7 @@ struct Work<'a> {
     spread_free: Vec<bool>,
     hyper: Hyper,
     common: Common,
+    told: Sum,
 }
 
 /// Fits a field together.
@@ -284,6 +270,7 @@ impl<'a> Work<'a> {
             expected_spread,
             hyper,
             common,
+            told: Sum::nothing(shape),
         })
     }
 
@@ -381,6 +368,7 @@ impl<'a> Work<'a> {
         if let Some(common) = Common::new(&sum, &self.prior_sigma) {
             self.common = common;
         }
+        self.told = sum;
         each.into_iter().map(|(belief, _)| belief).collect()
     }
 
@@ -488,6 +476,7 @@ impl<'a> Work<'a> {
                         .iter()
                         .map(|&(k, axis)| (rows.of[k], axis))
                         .collect(),
+                    records: rows.len(),
                     belief,
                 }
             })
@@ -506,92 +495,10 @@ impl<'a> Work<'a> {
             structure: self.structure,
             hyper: self.hyper,
             common: self.common,
-            pole: self.pole,
+            told: self.told,
+            prior_sigma: self.prior_sigma,
+            mishaps: self.options.mishaps,
+            site_latitude_rad: self.options.site_latitude_rad,
         }
-    }
-}
-
-impl JointFit {
-    /// Holds the observations of a campaign of heliostat `k` against what is foretold of them from its records
-    /// so far, however long after those they are.
-    #[must_use]
-    pub fn foretell(&self, k: usize, campaign: &Campaign<'_>) -> Vec<Foretold> {
-        let shape = self.structure.shape();
-        let posterior = &self.heliostats[k];
-        let rates = self.hyper.rates();
-        let shared = self
-            .structure
-            .shared
-            .iter()
-            .zip(&self.common.mean[shape.still..])
-            .map(|(&cause, value)| value / filter_unit(cause))
-            .collect();
-        let at = Expansion {
-            still: posterior.still.clone(),
-            shared,
-        };
-        let rows = Rows::of(&self.structure, campaign, &at, self.pole);
-        let rest = shape.row() - column::REST;
-        let mut foretold = vec![
-            Foretold {
-                miss_mrad: [f64::NAN; 2],
-                covariance_mrad2: [f64::NAN; 3],
-            };
-            rows.len()
-        ];
-        for k in 0..rows.len() {
-            let row = rows.row(shape, k);
-            let mut belief = posterior.belief.clone();
-            if let Some(last) = posterior.last_day {
-                let (kept, added) = waited(&rates, rows.days[k] - last);
-                belief.wait(kept, added);
-            }
-            let mean = self.common.mean_of(&belief);
-            let covariance = self.common.covariance_of(&belief);
-            let (own, still) = (shape.own(), shape.still);
-            let slope = |i: usize, c: usize| {
-                let i = if i < still {
-                    i
-                } else {
-                    REFERENCES[(i - still) % 2]
-                };
-                row[2 * i + c]
-            };
-            let cause = |k: usize, c: usize| row[2 * still + 2 * k + c];
-            let mut miss = [0, 1].map(|c| row[rest + column::SEEN + c]);
-            for (c, miss) in miss.iter_mut().enumerate() {
-                for (i, m) in mean.iter().enumerate() {
-                    *miss -= slope(i, c) * m;
-                }
-                for k in 0..shape.causes {
-                    *miss -= cause(k, c) * self.common.mean[still + k];
-                }
-            }
-            let noise = row[rest + column::ON_TARGET] * rates.spot
-                + rates.beam
-                + row[rest + column::STATED];
-            let path = [row[rest + column::PATH], row[rest + column::PATH + 1]];
-            let mut spread = [0.0; 3];
-            for (to, [c, d]) in spread.iter_mut().zip([[0, 0], [0, 1], [1, 1]]) {
-                let level = if c == d { noise } else { 0.0 };
-                *to = level + rates.sun * path[c] * path[d];
-                for i in 0..own {
-                    for j in 0..own {
-                        *to += slope(i, c) * slope(j, d) * covariance[i * own + j];
-                    }
-                }
-            }
-            foretold[rows.of[k]] = Foretold {
-                miss_mrad: miss,
-                covariance_mrad2: spread,
-            };
-        }
-        foretold
-    }
-
-    /// Six angles of heliostat `k` as a table holds them: at rest.
-    #[must_use]
-    pub fn parameters(&self, k: usize, mirror_offset_m: f64) -> Parameters {
-        rows::parameters(&self.heliostats[k].still, mirror_offset_m)
     }
 }

@@ -1,0 +1,498 @@
+//! The calibration follows the plant: records one after the other, in bounded memory.
+
+use helio_core::Enu;
+use rayon::prelude::*;
+
+use super::belief::{Belief, Shape, Told, column};
+use super::common::{Common, Sum};
+use super::foretell::{Foretold, foretold, shared_values, zero_points};
+use super::hyper::{Hyper, Marks, Noise, Wander, waited};
+use super::hypotheses::{Account, Mishaps, told_by};
+use super::rows::{Expansion, MILLI, Rows, Structure, filter_unit, parameters, pole};
+use super::terms::Cause;
+use super::{JointFit, WANDERING};
+use crate::error::CalibrationError;
+use crate::field::Campaign;
+use crate::parameters::Parameters;
+
+/// When a heliostat's drift is worth an alarm.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Alarm {
+    /// Share of the records of a heliostat that does what the model says which raise an alarm all the same.
+    pub false_alarm_rate: f64,
+    /// What a record counts in the running mean of misses, 0 to 1: less sees smaller drifts, later.
+    pub weight: f64,
+}
+
+impl Default for Alarm {
+    /// One false alarm in a thousand records; a memory of about ten records.
+    fn default() -> Self {
+        Self {
+            false_alarm_rate: 1e-3,
+            weight: 0.1,
+        }
+    }
+}
+
+impl Alarm {
+    /// Squared length of a standardised running mean that is an alarm: chi-squared with two degrees of freedom.
+    #[must_use]
+    pub fn threshold(&self) -> f64 {
+        -2.0 * libm::log(self.false_alarm_rate)
+    }
+}
+
+/// A jump of a zero point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JumpSeen {
+    /// Time of the first record after it \[days since 1970\].
+    pub day: f64,
+    /// Of the first (0) or second (1) axis.
+    pub axis: usize,
+}
+
+/// Jumps that are remembered of a heliostat.
+const JUMPS_KEPT: usize = 16;
+
+/// A heliostat that is followed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Followed {
+    /// Its name.
+    pub id: String,
+    /// Its last record \[days since 1970\].
+    pub last_day: Option<f64>,
+    /// Records so far.
+    pub records: u64,
+    /// Those of them that were not believed.
+    pub outliers: u64,
+    /// The last jumps that are certain, in time.
+    pub jumps: Vec<JumpSeen>,
+    /// Running mean of the misses in their standard deviations.
+    pub drift: [f64; 2],
+    /// Variance of either component of that in a heliostat that does what the model says.
+    pub drift_variance: f64,
+    /// What may have happened, likeliest first.
+    pub(super) accounts: Vec<Account>,
+    /// Days of the records that marks of undecided accounts count.
+    pub(super) undecided: Vec<f64>,
+}
+
+/// What became of a record.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum StepKind {
+    /// Believed.
+    Believed,
+    /// Taken for an outlier, at least for now.
+    Outlier,
+    /// A zero point of the first (0) or second (1) axis is taken to have jumped before it, at least for now.
+    Jump(usize),
+    /// Its beam does not meet the target: it tells nothing.
+    Misses,
+}
+
+impl StepKind {
+    /// The word for columns.
+    #[must_use]
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::Believed => "believed",
+            Self::Outlier => "outlier",
+            Self::Jump(0) => "jump_axis1",
+            Self::Jump(_) => "jump_axis2",
+            Self::Misses => "misses_target",
+        }
+    }
+}
+
+/// A record on its way into the state.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Step {
+    /// Which observation of its campaign.
+    pub observation: usize,
+    /// How it had been foretold.
+    pub foretold: Foretold,
+    /// What became of it.
+    pub kind: StepKind,
+    /// Whether the running mean of misses is an alarm after it.
+    pub alarm: bool,
+}
+
+/// All that is known of a field that is followed: bounded, whatever the number of records.
+///
+/// What is common to the field is known as normal equations; each heliostat as a linear function of it, under
+/// every account of its last doubtful records that is not yet given up.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FieldState {
+    /// How records scatter.
+    pub noise: Noise,
+    /// How zero points wander.
+    pub wander: Wander,
+    /// How often things go wrong.
+    pub mishaps: Mishaps,
+    /// When a drift is worth an alarm.
+    pub alarm: Alarm,
+    /// Latitude of the site \[rad\].
+    pub site_latitude_rad: f64,
+    pub(super) structure: Structure,
+    pub(super) prior_sigma: Vec<f64>,
+    pub(super) spread: Vec<f64>,
+    pub(super) told: Sum,
+    pub(super) common: Common,
+    pub(super) heliostats: Vec<Followed>,
+}
+
+/// What is known of a heliostat now.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Known {
+    /// Six angles at the time asked for \[rad\], zero points included, then causes of its own \[rad\].
+    pub values: Vec<f64>,
+    /// Covariance of the six angles and own causes \[rad²\], row by row.
+    pub covariance: Vec<f64>,
+    /// Zero points of either axis less those at rest \[rad\].
+    pub zero_rad: [f64; 2],
+    /// One standard deviation of them \[rad\].
+    pub zero_sigma_rad: [f64; 2],
+}
+
+impl Known {
+    /// As parameters of a mount.
+    #[must_use]
+    pub fn parameters(&self, mirror_offset_m: f64) -> Parameters {
+        parameters(&self.values, mirror_offset_m)
+    }
+}
+
+impl JointFit {
+    /// Goes on from here record by record; `ids` name the heliostats in the order of the campaigns.
+    ///
+    /// # Errors
+    /// [`CalibrationError::BadOption`] if their number is another.
+    pub fn follow(&self, ids: &[String]) -> Result<FieldState, CalibrationError> {
+        if ids.len() != self.heliostats.len() {
+            return Err(CalibrationError::BadOption {
+                what: "ids",
+                wanted: "one for each heliostat of the fit",
+                value: ids.len() as f64,
+            });
+        }
+        let heliostats = ids
+            .iter()
+            .zip(&self.heliostats)
+            .map(|(id, posterior)| Followed {
+                id: id.clone(),
+                last_day: posterior.last_day,
+                records: posterior.records as u64,
+                outliers: posterior.outliers.len() as u64,
+                jumps: Vec::new(),
+                drift: [0.0; 2],
+                drift_variance: 0.0,
+                accounts: vec![Account::new(posterior.belief.clone())],
+                undecided: Vec::new(),
+            })
+            .collect();
+        Ok(FieldState {
+            noise: self.noise,
+            wander: self.wander,
+            mishaps: self.mishaps,
+            alarm: Alarm::default(),
+            site_latitude_rad: self.site_latitude_rad,
+            structure: self.structure.clone(),
+            prior_sigma: self.prior_sigma.clone(),
+            spread: self.hyper.spread.clone(),
+            told: self.told.clone(),
+            common: self.common.clone(),
+            heliostats,
+        })
+    }
+}
+
+impl FieldState {
+    /// The heliostats, in the order in which they came.
+    #[must_use]
+    pub fn heliostats(&self) -> &[Followed] {
+        &self.heliostats
+    }
+
+    /// Where a heliostat stands.
+    #[must_use]
+    pub fn position(&self, id: &str) -> Option<usize> {
+        self.heliostats.iter().position(|h| h.id == id)
+    }
+
+    fn hyper(&self) -> Hyper {
+        Hyper {
+            noise: self.noise,
+            wander: self.wander,
+            spread: self.spread.clone(),
+        }
+    }
+
+    /// A heliostat without records: it is as the field is.
+    pub fn add(&mut self, id: &str) -> usize {
+        let belief = Belief::of_field(self.structure.shape(), &self.spread, &self.hyper().rates());
+        self.heliostats.push(Followed {
+            id: id.to_owned(),
+            last_day: None,
+            records: 0,
+            outliers: 0,
+            jumps: Vec::new(),
+            drift: [0.0; 2],
+            drift_variance: 0.0,
+            accounts: vec![Account::new(belief)],
+            undecided: Vec::new(),
+        });
+        self.heliostats.len() - 1
+    }
+
+    /// Takes in new records: of each campaign the heliostat's place and its observations. Each heliostat's are
+    /// taken in time; one older than its last record counts as made then. What is common is learnt anew after
+    /// all of them, from every heliostat whose records leave no doubt.
+    ///
+    /// The same records in the same calls give the same bits, whatever the number of threads.
+    ///
+    /// # Errors
+    /// [`CalibrationError::BadOption`] if a place is not one of [`heliostats`](Self::heliostats) or stands twice.
+    pub fn update(
+        &mut self,
+        campaigns: &[(usize, Campaign<'_>)],
+    ) -> Result<Vec<Vec<Step>>, CalibrationError> {
+        let mut asked: Vec<Option<usize>> = vec![None; self.heliostats.len()];
+        for (n, &(place, _)) in campaigns.iter().enumerate() {
+            match asked.get_mut(place) {
+                Some(free @ None) => *free = Some(n),
+                _ => {
+                    return Err(CalibrationError::BadOption {
+                        what: "place of a heliostat",
+                        wanted: "one of the state, once",
+                        value: place as f64,
+                    });
+                }
+            }
+        }
+        let rates = self.hyper().rates();
+        let context = Context {
+            structure: &self.structure,
+            shape: self.structure.shape(),
+            rates: &rates,
+            mishaps: &self.mishaps,
+            alarm: &self.alarm,
+            common: &self.common,
+            shared: shared_values(&self.structure, &self.common),
+            pole: pole(self.site_latitude_rad),
+        };
+        let done: Vec<(usize, Vec<Step>, Option<Sum>)> = self
+            .heliostats
+            .par_iter_mut()
+            .zip(&asked)
+            .filter_map(|(heliostat, asked)| {
+                let n = (*asked)?;
+                let (steps, told) = heliostat.take_in(&context, &campaigns[n].1);
+                Some((n, steps, told))
+            })
+            .collect();
+        let mut steps = vec![Vec::new(); campaigns.len()];
+        for (n, of_one, told) in done {
+            steps[n] = of_one;
+            if let Some(told) = told {
+                self.told.add(&told);
+            }
+        }
+        if let Some(common) = Common::new(&self.told, &self.prior_sigma) {
+            self.common = common;
+        }
+        Ok(steps)
+    }
+
+    /// What is known of a heliostat at a time \[days since 1970\], not before its last record.
+    ///
+    /// # Panics
+    /// If there is no heliostat in that place.
+    #[must_use]
+    pub fn known(&self, place: usize, day: f64) -> Known {
+        let heliostat = &self.heliostats[place];
+        let mut belief = heliostat.accounts[0].belief.clone();
+        if let Some(last) = heliostat.last_day {
+            let (kept, added) = waited(&self.hyper().rates(), day - last);
+            belief.wait(kept, added);
+        }
+        let shape = belief.shape;
+        let (own, still) = (shape.own(), shape.still);
+        let mean = self.common.mean_of(&belief);
+        let covariance = self.common.covariance_of(&belief);
+        let [zero_rad, zero_sigma_rad] = zero_points(&belief, &self.common);
+        let members = |i: usize| -> Vec<usize> {
+            let zeros = super::REFERENCES.iter().position(|&r| r == i);
+            core::iter::once(i)
+                .chain(
+                    zeros
+                        .into_iter()
+                        .flat_map(|axis| (axis..WANDERING).step_by(2).map(move |k| still + k)),
+                )
+                .collect()
+        };
+        let values = (0..still)
+            .map(|i| members(i).iter().map(|&k| mean[k]).sum::<f64>() / MILLI)
+            .collect();
+        let mut out = vec![0.0; still * still];
+        for i in 0..still {
+            for j in 0..still {
+                for k in members(i) {
+                    for l in members(j) {
+                        out[i * still + j] += covariance[k * own + l] / (MILLI * MILLI);
+                    }
+                }
+            }
+        }
+        Known {
+            values,
+            covariance: out,
+            zero_rad,
+            zero_sigma_rad,
+        }
+    }
+
+    /// Values of the causes in common, with one standard deviation, in their own units; causes of each
+    /// heliostat as the field's mean.
+    #[must_use]
+    pub fn causes(&self) -> Vec<(Cause, f64, f64)> {
+        let still = self.structure.shape().still;
+        let own = self.structure.own.iter().enumerate();
+        let own = own.map(|(k, &cause)| (super::ANGLES + k, Cause::Axis(cause)));
+        let shared = self.structure.shared.iter().enumerate();
+        let shared = shared.map(|(k, &cause)| (still + k, cause));
+        own.chain(shared)
+            .map(|(k, cause)| {
+                let unit = filter_unit(cause);
+                (
+                    cause,
+                    self.common.mean[k] / unit,
+                    self.common.sigma(k) / unit,
+                )
+            })
+            .collect()
+    }
+}
+
+struct Context<'a> {
+    structure: &'a Structure,
+    shape: Shape,
+    rates: &'a super::belief::Rates,
+    mishaps: &'a Mishaps,
+    alarm: &'a Alarm,
+    common: &'a Common,
+    shared: Vec<f64>,
+    pole: Enu,
+}
+
+impl Followed {
+    /// Takes in records; what they tell of what is common once no doubt is left.
+    fn take_in(
+        &mut self,
+        context: &Context<'_>,
+        campaign: &Campaign<'_>,
+    ) -> (Vec<Step>, Option<Sum>) {
+        let shape = context.shape;
+        let rest = shape.row() - column::REST;
+        let mut settled: Option<Sum> = None;
+        let best = &self.accounts[0].belief;
+        let at = Expansion {
+            still: context.common.mean_of(best)[..shape.still]
+                .iter()
+                .map(|x| x / MILLI)
+                .collect(),
+            shared: context.shared.clone(),
+        };
+        let rows = Rows::of(context.structure, campaign, &at, context.pole);
+        let mut steps = Vec::with_capacity(rows.len());
+        for k in 0..rows.len() {
+            let row = rows.row(shape, k);
+            let day = rows.days[k];
+            let days = self.last_day.map_or(0.0, |last| (day - last).max(0.0));
+            let (kept, added) = waited(context.rates, days);
+            if days > 0.0 {
+                for account in &mut self.accounts {
+                    account.belief.wait(kept, added);
+                }
+            }
+            self.last_day = Some(self.last_day.map_or(day, |last| last.max(day)));
+            self.records += 1;
+            let best = &self.accounts[0].belief;
+            let before = foretold(shape, row, context.rates, best, context.common);
+            let mut kind = StepKind::Misses;
+            if row[rest + column::SILENT] == 0.0 {
+                let number = self.undecided.len();
+                self.undecided.push(day);
+                let accounts = core::mem::take(&mut self.accounts);
+                let common = &context.common.mean;
+                self.accounts = told_by(
+                    accounts,
+                    number,
+                    row,
+                    context.rates,
+                    context.mishaps,
+                    common,
+                );
+                let marks = &self.accounts[0].marks;
+                kind = if marks.outliers.last() == Some(&number) {
+                    StepKind::Outlier
+                } else {
+                    match marks.jumps.last() {
+                        Some(&(at, axis)) if at == number => StepKind::Jump(axis),
+                        _ => StepKind::Believed,
+                    }
+                };
+                if kind == StepKind::Believed {
+                    self.drifts(context.alarm.weight, before.in_sigmas());
+                } else if let StepKind::Jump(_) = kind {
+                    // what came before it says nothing of what comes after
+                    self.drift = [0.0; 2];
+                    self.drift_variance = 0.0;
+                }
+                if let Some(told) = self.settle(shape) {
+                    settled
+                        .get_or_insert_with(|| Sum::nothing(shape))
+                        .add(&told);
+                }
+            }
+            let [x, y] = self.drift;
+            let alarm = x * x + y * y > context.alarm.threshold() * self.drift_variance
+                && self.drift_variance > 0.0;
+            steps.push(Step {
+                observation: rows.of[k],
+                foretold: before,
+                kind,
+                alarm,
+            });
+        }
+        (steps, settled)
+    }
+
+    /// Exponentially weighted running mean of standard deviates, with its variance.
+    fn drifts(&mut self, weight: f64, deviates: [f64; 2]) {
+        for (mean, deviate) in self.drift.iter_mut().zip(deviates) {
+            *mean += weight * (deviate - *mean);
+        }
+        let kept = 1.0 - weight;
+        self.drift_variance = kept * kept * self.drift_variance + weight * weight;
+    }
+
+    /// Where one account alone is left, what was undecided is decided.
+    fn settle(&mut self, shape: Shape) -> Option<Sum> {
+        let [only] = &mut self.accounts[..] else {
+            return None;
+        };
+        let marks = core::mem::take(&mut only.marks);
+        let Marks { outliers, jumps } = marks;
+        self.outliers += outliers.len() as u64;
+        for (k, axis) in jumps {
+            let day = self.undecided[k];
+            self.jumps.push(JumpSeen { day, axis });
+        }
+        let surplus = self.jumps.len().saturating_sub(JUMPS_KEPT);
+        self.jumps.drain(..surplus);
+        self.undecided.clear();
+        let told = core::mem::replace(&mut only.told, Told::nothing(shape));
+        Some(Sum::new(told, 0.0))
+    }
+}

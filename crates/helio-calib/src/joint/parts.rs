@@ -1,0 +1,290 @@
+//! A followed field as plain numbers, for its file.
+
+use super::belief::{Belief, Shape, Told};
+use super::common::{Common, Sum};
+use super::follow::{Alarm, FieldState, Followed, JumpSeen};
+use super::hyper::{Hyper, Marks, Noise, Wander};
+use super::hypotheses::{Account, Mishaps};
+use super::rows::Structure;
+use super::terms::{AxisCause, Cause};
+use crate::error::CalibrationError;
+
+/// [`FieldState`] as plain numbers: angles in mrad, everything else in its own unit. Triangles are lower ones,
+/// row by row.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StateParts {
+    /// As in [`FieldState`].
+    pub noise: Noise,
+    /// As in [`FieldState`].
+    pub wander: Wander,
+    /// As in [`FieldState`].
+    pub mishaps: Mishaps,
+    /// As in [`FieldState`].
+    pub alarm: Alarm,
+    /// As in [`FieldState`].
+    pub site_latitude_rad: f64,
+    /// Causes of which each heliostat has its own value; with the six angles its unknowns at rest.
+    pub own: Vec<AxisCause>,
+    /// Causes in common; with the means of the unknowns at rest before them the common unknowns.
+    pub shared: Vec<Cause>,
+    /// Standard deviation of each common unknown before any record.
+    pub prior_sigma: Vec<f64>,
+    /// Triangle of the field's covariance of unknowns at rest.
+    pub spread: Vec<f64>,
+    /// Triangle of the normal equations of the common unknowns.
+    pub matrix: Vec<f64>,
+    /// Their right side.
+    pub vector: Vec<f64>,
+    /// Sum of squares with all common unknowns zero.
+    pub square: f64,
+    /// Logarithm of the determinants of all records' covariances.
+    pub log_determinant: f64,
+    /// Each heliostat.
+    pub heliostats: Vec<HeliostatParts>,
+}
+
+/// [`Followed`] as plain numbers.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HeliostatParts {
+    /// As in [`Followed`].
+    pub id: String,
+    /// As in [`Followed`].
+    pub last_day: Option<f64>,
+    /// As in [`Followed`].
+    pub records: u64,
+    /// As in [`Followed`].
+    pub outliers: u64,
+    /// As in [`Followed`].
+    pub jumps: Vec<JumpSeen>,
+    /// As in [`Followed`].
+    pub drift: [f64; 2],
+    /// As in [`Followed`].
+    pub drift_variance: f64,
+    /// Days of the records that are still in doubt \[since 1970\].
+    pub undecided: Vec<f64>,
+    /// What may have happened, likeliest first; at least one.
+    pub accounts: Vec<AccountParts>,
+}
+
+/// One account of what happened.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AccountParts {
+    /// Logarithm of its likelihood less that of the likeliest.
+    pub log_likelihood: f64,
+    /// Unknowns at rest, then wandering zero points, where all common unknowns are zero.
+    pub mean: Vec<f64>,
+    /// Their derivatives by the common unknowns, row by row.
+    pub gain: Vec<f64>,
+    /// Triangle of their covariance with the common unknowns given.
+    pub spread: Vec<f64>,
+    /// Triangle of what the records in doubt tell of the common unknowns; empty for nothing.
+    pub matrix: Vec<f64>,
+    /// The right side of that; empty for nothing.
+    pub vector: Vec<f64>,
+    /// Sum of squares of that.
+    pub square: f64,
+    /// Records in doubt that this account takes for outliers, by their place in `undecided`.
+    pub outliers: Vec<usize>,
+    /// Those before which it takes the zero point of an axis to have jumped.
+    pub jumps: Vec<(usize, usize)>,
+}
+
+impl FieldState {
+    /// Everything it knows.
+    #[must_use]
+    pub fn parts(&self) -> StateParts {
+        StateParts {
+            noise: self.noise,
+            wander: self.wander,
+            mishaps: self.mishaps,
+            alarm: self.alarm,
+            site_latitude_rad: self.site_latitude_rad,
+            own: self.structure.own.clone(),
+            shared: self.structure.shared.clone(),
+            prior_sigma: self.prior_sigma.clone(),
+            spread: self.spread.clone(),
+            matrix: self.told.told.matrix.clone(),
+            vector: self.told.told.vector.clone(),
+            square: self.told.told.square,
+            log_determinant: self.told.log_determinant,
+            heliostats: self.heliostats.iter().map(HeliostatParts::of).collect(),
+        }
+    }
+
+    /// From its parts: bit for bit the state that they were taken from.
+    ///
+    /// # Errors
+    /// [`CalibrationError::BadOption`] where lengths do not fit each other or numbers are not finite.
+    pub fn from_parts(parts: StateParts) -> Result<Self, CalibrationError> {
+        let structure = Structure {
+            own: parts.own,
+            shared: parts.shared,
+        };
+        let shape = structure.shape();
+        let common = shape.common();
+        let right = [
+            ("prior_sigma", &parts.prior_sigma, common),
+            ("spread", &parts.spread, Shape::triangle(shape.still)),
+            ("matrix", &parts.matrix, Shape::triangle(common)),
+            ("vector", &parts.vector, common),
+        ];
+        for (what, numbers, length) in right {
+            check(what, numbers, length)?;
+        }
+        let mut told = Told::nothing(shape);
+        told.matrix = parts.matrix;
+        told.vector = parts.vector;
+        told.square = parts.square;
+        let told = Sum::new(told, parts.log_determinant);
+        let common = Common::new(&told, &parts.prior_sigma).ok_or(CalibrationError::BadOption {
+            what: "matrix",
+            wanted: "that of normal equations",
+            value: f64::NAN,
+        })?;
+        let hyper = Hyper {
+            noise: parts.noise,
+            wander: parts.wander,
+            spread: parts.spread,
+        };
+        let empty = Belief::of_field(shape, &hyper.spread, &hyper.rates());
+        let heliostats = parts
+            .heliostats
+            .into_iter()
+            .map(|h| h.followed(&empty))
+            .collect::<Result<_, _>>()?;
+        Ok(Self {
+            noise: hyper.noise,
+            wander: hyper.wander,
+            mishaps: parts.mishaps,
+            alarm: parts.alarm,
+            site_latitude_rad: parts.site_latitude_rad,
+            structure,
+            prior_sigma: parts.prior_sigma,
+            spread: hyper.spread,
+            told,
+            common,
+            heliostats,
+        })
+    }
+}
+
+fn check(what: &'static str, numbers: &[f64], length: usize) -> Result<(), CalibrationError> {
+    if numbers.len() != length {
+        return Err(CalibrationError::BadOption {
+            what,
+            wanted: "as long as the unknowns of the state ask for",
+            value: numbers.len() as f64,
+        });
+    }
+    match numbers.iter().find(|x| !x.is_finite()) {
+        Some(&value) => Err(CalibrationError::BadOption {
+            what,
+            wanted: "finite",
+            value,
+        }),
+        None => Ok(()),
+    }
+}
+
+impl HeliostatParts {
+    fn of(followed: &Followed) -> Self {
+        Self {
+            id: followed.id.clone(),
+            last_day: followed.last_day,
+            records: followed.records,
+            outliers: followed.outliers,
+            jumps: followed.jumps.clone(),
+            drift: followed.drift,
+            drift_variance: followed.drift_variance,
+            undecided: followed.undecided.clone(),
+            accounts: followed.accounts.iter().map(AccountParts::of).collect(),
+        }
+    }
+
+    fn followed(self, empty: &Belief<f64>) -> Result<Followed, CalibrationError> {
+        let undecided = self.undecided.len();
+        let accounts: Vec<Account> = self
+            .accounts
+            .into_iter()
+            .map(|account| account.account(empty, undecided))
+            .collect::<Result<_, _>>()?;
+        if accounts.is_empty() {
+            return Err(CalibrationError::BadOption {
+                what: "accounts",
+                wanted: "at least one a heliostat",
+                value: 0.0,
+            });
+        }
+        Ok(Followed {
+            id: self.id,
+            last_day: self.last_day,
+            records: self.records,
+            outliers: self.outliers,
+            jumps: self.jumps,
+            drift: self.drift,
+            drift_variance: self.drift_variance,
+            accounts,
+            undecided: self.undecided,
+        })
+    }
+}
+
+impl AccountParts {
+    fn of(account: &Account) -> Self {
+        let belief = &account.belief;
+        let nothing = account.told.square == 0.0 && account.told.vector.iter().all(|x| *x == 0.0);
+        let (matrix, vector) = if nothing {
+            (Vec::new(), Vec::new())
+        } else {
+            (account.told.matrix.clone(), account.told.vector.clone())
+        };
+        Self {
+            log_likelihood: account.log_likelihood,
+            mean: belief.mean.clone(),
+            gain: belief.gain.clone(),
+            spread: belief.spread.clone(),
+            matrix,
+            vector,
+            square: account.told.square,
+            outliers: account.marks.outliers.clone(),
+            jumps: account.marks.jumps.clone(),
+        }
+    }
+
+    fn account(self, empty: &Belief<f64>, undecided: usize) -> Result<Account, CalibrationError> {
+        let shape = empty.shape;
+        let (own, common) = (shape.own(), shape.common());
+        check("mean", &self.mean, own)?;
+        check("gain", &self.gain, own * common)?;
+        check("spread", &self.spread, Shape::triangle(own))?;
+        let mut belief = empty.clone();
+        belief.mean = self.mean;
+        belief.gain = self.gain;
+        belief.spread = self.spread;
+        let mut account = Account::new(belief);
+        account.log_likelihood = self.log_likelihood;
+        if !(self.matrix.is_empty() && self.vector.is_empty()) {
+            check("matrix", &self.matrix, Shape::triangle(common))?;
+            check("vector", &self.vector, common)?;
+            account.told.matrix = self.matrix;
+            account.told.vector = self.vector;
+            account.told.square = self.square;
+        }
+        let marked = self
+            .outliers
+            .iter()
+            .chain(self.jumps.iter().map(|(k, _)| k));
+        if let Some(&beyond) = marked.clone().find(|k| **k >= undecided) {
+            return Err(CalibrationError::BadOption {
+                what: "record in doubt",
+                wanted: "one of those undecided",
+                value: beyond as f64,
+            });
+        }
+        account.marks = Marks {
+            outliers: self.outliers,
+            jumps: self.jumps,
+        };
+        Ok(account)
+    }
+}
