@@ -4,7 +4,7 @@ use std::path::Path;
 
 use helio_calib::joint::{Foretold, JointFit, JointOptions, fit_joint};
 use helio_calib::{Campaign, Observation};
-use helio_tests::juelich::{LATITUDE_RAD, NAMES, Records, Spots, records_with};
+use helio_tests::juelich::{NAMES, Records, Spots, records_with};
 use rayon::prelude::*;
 
 /// Which of a heliostat's own records are used, and when.
@@ -18,6 +18,22 @@ pub enum Protocol {
     Half,
     /// All before the day that is foretold.
     DayAhead,
+    /// The earlier half fitted; then followed record by record without fitting anew, each foretold from all
+    /// before its day.
+    FollowedByDay,
+    /// The same, each record foretold from all before it.
+    FollowedByRecord,
+}
+
+/// Which records of other heliostats are known.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Others {
+    /// All before the day that is foretold.
+    BeforeThatDay,
+    /// All up to the last own record that is used.
+    BeforeOwnLast,
+    /// None.
+    Nobody,
 }
 
 /// All of them.
@@ -26,6 +42,8 @@ pub const PROTOCOLS: &[Protocol] = &[
     Protocol::Spread12,
     Protocol::Half,
     Protocol::DayAhead,
+    Protocol::FollowedByDay,
+    Protocol::FollowedByRecord,
 ];
 
 impl Protocol {
@@ -36,7 +54,9 @@ impl Protocol {
             Self::First12 => "first 12, frozen",
             Self::Spread12 => "12 spread over the earlier half, frozen",
             Self::Half => "earlier half, frozen",
-            Self::DayAhead => "one day ahead",
+            Self::DayAhead => "one day ahead, fitted anew each day",
+            Self::FollowedByDay => "one day ahead, followed",
+            Self::FollowedByRecord => "one record ahead, followed",
         }
     }
 }
@@ -50,6 +70,8 @@ pub struct Done {
     pub inside95: f64,
     /// Each of them.
     pub beam_mrad: Vec<f64>,
+    /// Of each, chi-squared with two degrees of freedom.
+    pub square: Vec<f64>,
     /// The last fit.
     pub last: JointFit,
 }
@@ -95,83 +117,174 @@ impl Campaigns {
         Self { all }
     }
 
+    /// Names of those there are.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.all.iter().map(|r| r.name.as_str())
+    }
+
     /// Foretells the later half of a heliostat's records.
     ///
     /// # Panics
     /// If there is no such heliostat, or a fit is refused.
     #[must_use]
-    pub fn run(&self, name: &str, protocol: Protocol) -> Done {
+    pub fn run(
+        &self,
+        name: &str,
+        protocol: Protocol,
+        others: Others,
+        options: &JointOptions,
+    ) -> Done {
         let own = self
             .all
             .iter()
             .find(|r| r.name == name)
             .expect("a heliostat");
-        let count = own.observations.len();
-        let half = count / 2;
-        let (_, later) = own.observations.split_at(half);
+        let half = own.observations.len() / 2;
+        let (earlier, later) = own.observations.split_at(half);
         let mut days: Vec<i64> = later.iter().map(day).collect();
         days.dedup();
         let frozen: Vec<Observation> = match protocol {
-            Protocol::First12 => own.observations[..12.min(half)].to_vec(),
+            Protocol::First12 => earlier[..12.min(half)].to_vec(),
             Protocol::Spread12 => {
                 let mut picked: Vec<usize> = (0..12)
                     .map(|k| ((k * (half - 1)) as f64 / 11.0).round_ties_even() as usize)
                     .collect();
                 picked.dedup();
-                picked.into_iter().map(|k| own.observations[k]).collect()
+                picked.into_iter().map(|k| earlier[k]).collect()
             }
-            Protocol::Half => own.observations[..half].to_vec(),
-            Protocol::DayAhead => Vec::new(),
+            _ => earlier.to_vec(),
         };
-        let by_day: Vec<(Vec<Foretold>, JointFit)> = days
-            .par_iter()
-            .map(|&today| {
-                let before = |o: &&Observation| day(o) < today;
-                let mut known: Vec<(&Records, Vec<Observation>)> = Vec::new();
-                for records in self.all.iter().filter(|r| r.name != name) {
-                    let earlier: Vec<Observation> = records
-                        .observations
-                        .iter()
-                        .filter(before)
-                        .copied()
-                        .collect();
-                    if !earlier.is_empty() {
-                        known.push((records, earlier));
-                    }
+        let last_own = frozen.last().map_or(i64::MIN, day);
+        let known_before = |today: i64, mine: Vec<Observation>| {
+            let end = match others {
+                Others::BeforeThatDay => today,
+                Others::BeforeOwnLast => today.min(last_own + 1),
+                Others::Nobody => i64::MIN,
+            };
+            let mut known: Vec<(&Records, Vec<Observation>)> = Vec::new();
+            for records in self.all.iter().filter(|r| r.name != name) {
+                let before = records.observations.iter().filter(|o| day(o) < end);
+                let before: Vec<Observation> = before.copied().collect();
+                if !before.is_empty() {
+                    known.push((records, before));
                 }
-                let mine = match protocol {
-                    Protocol::DayAhead => own.observations.iter().filter(before).copied().collect(),
-                    _ => frozen.clone(),
-                };
-                known.push((own, mine));
-                let campaigns: Vec<Campaign<'_>> = known
-                    .iter()
-                    .map(|(records, observations)| Campaign {
-                        mount: records.mount,
-                        observations,
+            }
+            known.push((own, mine));
+            known
+        };
+        let fit_of = |known: &[(&Records, Vec<Observation>)]| {
+            let campaigns: Vec<Campaign<'_>> = known
+                .iter()
+                .map(|(records, observations)| Campaign {
+                    mount: records.mount,
+                    observations,
+                })
+                .collect();
+            fit_joint(&campaigns, options).expect("a fit")
+        };
+        let on = |today: i64| -> Vec<Observation> {
+            later.iter().filter(|o| day(o) == today).copied().collect()
+        };
+        let (foretold, last) = match protocol {
+            Protocol::FollowedByDay | Protocol::FollowedByRecord => {
+                let known = known_before(days[0], frozen);
+                let fit = fit_of(&known);
+                (self.followed(own, &known, &fit, days[0], protocol), fit)
+            }
+            _ => {
+                let mut by_day: Vec<(Vec<Foretold>, JointFit)> = days
+                    .par_iter()
+                    .map(|&today| {
+                        let mine = match protocol {
+                            Protocol::DayAhead => {
+                                let before = own.observations.iter().filter(|o| day(o) < today);
+                                before.copied().collect()
+                            }
+                            _ => frozen.clone(),
+                        };
+                        let known = known_before(today, mine);
+                        let fit = fit_of(&known);
+                        let seen = Campaign {
+                            mount: own.mount,
+                            observations: &on(today),
+                        };
+                        (fit.foretell(known.len() - 1, &seen), fit)
                     })
                     .collect();
-                let fit = fit_joint(&campaigns, &JointOptions::new(LATITUDE_RAD)).expect("a fit");
-                let seen: Vec<Observation> =
-                    later.iter().filter(|o| day(o) == today).copied().collect();
-                let asked = Campaign {
-                    mount: own.mount,
-                    observations: &seen,
-                };
-                (fit.foretell(campaigns.len() - 1, &asked), fit)
-            })
-            .collect();
-        let foretold: Vec<&Foretold> = by_day.iter().flat_map(|(f, _)| f).collect();
+                let foretold = by_day.iter_mut().flat_map(|(f, _)| core::mem::take(f));
+                (foretold.collect(), by_day.pop().expect("a day").1)
+            }
+        };
         let n = foretold.len() as f64;
-        let square: f64 = foretold.iter().map(|f| f.beam_mrad().powi(2)).sum();
-        let inside = foretold.iter().filter(|f| f.square() < INSIDE95).count();
-        let beam_mrad = foretold.iter().map(|f| f.beam_mrad()).collect();
-        let last = by_day.into_iter().next_back().expect("a day").1;
+        let beam_mrad: Vec<f64> = foretold.iter().map(Foretold::beam_mrad).collect();
+        let square: Vec<f64> = foretold.iter().map(Foretold::square).collect();
         Done {
-            rms_mrad: (square / n).sqrt(),
-            inside95: inside as f64 / n,
+            rms_mrad: (beam_mrad.iter().map(|x| x * x).sum::<f64>() / n).sqrt(),
+            inside95: square.iter().filter(|x| **x < INSIDE95).count() as f64 / n,
             beam_mrad,
+            square,
             last,
         }
+    }
+
+    /// All heliostats followed from `start` on; what was foretold of the records of `own`.
+    fn followed(
+        &self,
+        own: &Records,
+        known: &[(&Records, Vec<Observation>)],
+        fit: &JointFit,
+        start: i64,
+        protocol: Protocol,
+    ) -> Vec<Foretold> {
+        let ids: Vec<String> = known.iter().map(|(r, _)| r.name.clone()).collect();
+        let mut state = fit.follow(&ids).expect("a state");
+        let later = own.observations.iter().skip(own.observations.len() / 2);
+        let later: Vec<Observation> = later.copied().collect();
+        let mut days: Vec<i64> = self
+            .all
+            .iter()
+            .flat_map(|r| &r.observations)
+            .map(day)
+            .filter(|d| *d >= start)
+            .collect();
+        days.sort_unstable();
+        days.dedup();
+        let mut foretold = Vec::new();
+        for today in days {
+            let mut new: Vec<(usize, &Records, Vec<Observation>)> = Vec::new();
+            for records in &self.all {
+                let from = if records.name == own.name {
+                    &later
+                } else {
+                    &records.observations
+                };
+                let seen: Vec<Observation> =
+                    from.iter().filter(|o| day(o) == today).copied().collect();
+                if !seen.is_empty() {
+                    let place = state.position(&records.name);
+                    let place = place.unwrap_or_else(|| state.add(&records.name));
+                    new.push((place, records, seen));
+                }
+            }
+            let campaigns: Vec<(usize, Campaign<'_>)> = new
+                .iter()
+                .map(|(place, records, seen)| {
+                    let campaign = Campaign {
+                        mount: records.mount,
+                        observations: seen,
+                    };
+                    (*place, campaign)
+                })
+                .collect();
+            let mine = new.iter().position(|(_, r, _)| r.name == own.name);
+            if let (Some(mine), Protocol::FollowedByDay) = (mine, protocol) {
+                foretold.extend(state.foretell(campaigns[mine].0, &campaigns[mine].1));
+            }
+            let steps = state.update(&campaigns).expect("an update");
+            if let (Some(mine), Protocol::FollowedByRecord) = (mine, protocol) {
+                foretold.extend(steps[mine].iter().map(|s| s.foretold));
+            }
+        }
+        foretold
     }
 }

@@ -1,80 +1,45 @@
 //! How well real heliostats are pointed on days that no fit has seen: records of Jülich, strictly causal.
 //!
-//! Usage: `HELIO_DATA=… cargo run --release -p helio-bench --bin juelich [-- helios|utis]`
+//! Usage: `HELIO_DATA=… cargo run --release -p helio-bench --bin juelich -- [helios|utis] [strict] [NAME …]`
 
-use helio_bench::juelich::{Campaigns, PROTOCOLS};
-use helio_tests::juelich::Spots;
+use helio_bench::juelich::{Campaigns, Others, PROTOCOLS};
+use helio_calib::joint::JointOptions;
+use helio_tests::juelich::{LATITUDE_RAD, Spots};
 
 fn main() {
     let data = std::env::var_os("HELIO_DATA").expect("HELIO_DATA names the folder of the records");
-    let mut arguments = std::env::args().skip(1);
-    let spots = match arguments.next().as_deref() {
-        None | Some("helios") => Spots::Helios,
-        Some("utis") => Spots::Utis,
-        Some(other) => panic!("helios or utis, not {other}"),
-    };
-    let only: Vec<String> = arguments.collect();
+    let mut spots = Spots::Helios;
+    let mut others = Others::BeforeThatDay;
+    let mut names = Vec::new();
+    for argument in std::env::args().skip(1) {
+        match argument.as_str() {
+            "helios" => spots = Spots::Helios,
+            "utis" => spots = Spots::Utis,
+            "strict" => others = Others::BeforeOwnLast,
+            name => names.push(name.to_owned()),
+        }
+    }
+    if names.is_empty() {
+        names = ["BF57", "BG62", "BH35", "BF55"].map(String::from).to_vec();
+    }
     let campaigns = Campaigns::read(data.as_ref(), spots);
-    let four = ["BF57", "BG62", "BH35", "BF55"];
-    let names: Vec<&str> = if only.is_empty() {
-        four.to_vec()
-    } else {
-        only.iter().map(String::as_str).collect()
-    };
+    let options = JointOptions::new(LATITUDE_RAD);
     println!(
         "| beam rms, mrad | {} | mean | inside 95 % |",
         names.join(" | ")
     );
-    for protocol in PROTOCOLS {
-        let mut line = Vec::new();
-        let mut inside = Vec::new();
-        for name in &names {
-            let result = campaigns.run(name, *protocol);
-            if std::env::var_os("TALK").is_some() {
-                let f = &result.last;
-                eprintln!(
-                    "{name} {}: {:?} {:?}",
-                    protocol.in_words(),
-                    f.noise,
-                    f.wander
-                );
-                for c in &f.causes {
-                    eprintln!(
-                        "  {:?} {:.5} ± {:.5} spread {:.5} evidence {:.1} {}",
-                        c.cause, c.value, c.sigma, c.spread, c.log_evidence, c.admitted
-                    );
-                }
-                let n = f.field_mean.len();
-                let sd: Vec<String> = (0..n)
-                    .map(|i| {
-                        format!(
-                            "{:.2}±{:.2}",
-                            1e3 * f.field_mean[i],
-                            1e3 * f.field_covariance[i * n + i].sqrt()
-                        )
-                    })
-                    .collect();
-                eprintln!("  {}", sd.join(" "));
-                for h in &f.heliostats {
-                    let v: Vec<String> =
-                        h.still.iter().map(|x| format!("{:.2}", x * 1e3)).collect();
-                    eprintln!("  {} out {:?} jumps {:?}", v.join(" "), h.outliers, h.jumps);
-                }
-                let mut worst: Vec<(f64, usize)> =
-                    result.beam_mrad.iter().copied().zip(0..).collect();
-                worst.sort_by(|a, b| b.0.total_cmp(&a.0));
-                eprintln!("  worst {:?}", &worst[..5]);
-            }
-            line.push(result.rms_mrad);
-            inside.push(result.inside95);
-        }
-        let text: Vec<String> = line.iter().map(|x| format!("{x:.2}")).collect();
-        let mean = line.iter().sum::<f64>() / line.len() as f64;
-        let share: Vec<String> = inside.iter().map(|x| format!("{x:.2}")).collect();
+    for &protocol in PROTOCOLS {
+        let done: Vec<_> = names
+            .iter()
+            .map(|name| campaigns.run(name, protocol, others, &options))
+            .collect();
+        let mean = done.iter().map(|d| d.rms_mrad).sum::<f64>() / done.len() as f64;
+        let line: Vec<String> = done.iter().map(|d| format!("{:.2}", d.rms_mrad)).collect();
+        let share: Vec<String> = done.iter().map(|d| format!("{:.2}", d.inside95)).collect();
         println!(
             "| {} | {} | {mean:.3} | {} |",
             protocol.in_words(),
-            text.join(" | "),
+            line.join(" | "),
             share.join(" ")
         );
     }

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::belief::{Belief, Shape, Told, column};
 use super::common::{Common, Sum};
-use super::foretell::{Foretold, foretold, shared_values, zero_points};
+use super::foretell::{Foretold, foretold, later, shared_values, zero_points};
 use super::hyper::{Hyper, Marks, Noise, Wander, waited};
 use super::hypotheses::{Account, Mishaps, told_by};
 use super::rows::{Expansion, MILLI, Rows, Structure, filter_unit, parameters, pole};
@@ -302,6 +302,28 @@ impl FieldState {
             self.common = common;
         }
         Ok(steps)
+    }
+
+    /// Holds observations of a heliostat against what is foretold of them, without taking them in; in their
+    /// order.
+    ///
+    /// # Panics
+    /// If there is no heliostat in that place.
+    #[must_use]
+    pub fn foretell(&self, place: usize, campaign: &Campaign<'_>) -> Vec<Foretold> {
+        let shape = self.structure.shape();
+        let heliostat = &self.heliostats[place];
+        let best = &heliostat.accounts[0].belief;
+        let rates = self.hyper().rates();
+        let at = Expansion {
+            still: self.common.mean_of(best)[..shape.still]
+                .iter()
+                .map(|x| x / MILLI)
+                .collect(),
+            shared: shared_values(&self.structure, &self.common),
+        };
+        let rows = Rows::of(&self.structure, campaign, &at, pole(self.site_latitude_rad));
+        later(best, heliostat.last_day, &rows, &rates, &self.common)
     }
 
     /// What is known of a heliostat at a time \[days since 1970\], not before its last record.

@@ -133,6 +133,27 @@ pub(super) fn foretold(
     }
 }
 
+/// Records held against a belief of the day `last`, in the order of the observations.
+pub(super) fn later(
+    belief: &Belief<f64>,
+    last: Option<f64>,
+    rows: &Rows,
+    rates: &Rates,
+    common: &Common,
+) -> Vec<Foretold> {
+    let mut out = vec![Foretold::NOTHING; rows.len()];
+    for record in 0..rows.len() {
+        let mut belief = belief.clone();
+        if let Some(last) = last {
+            let (kept, added) = waited(rates, rows.days[record] - last);
+            belief.wait(kept, added);
+        }
+        let row = rows.row(belief.shape, record);
+        out[rows.of[record]] = foretold(belief.shape, row, rates, &belief, common);
+    }
+    out
+}
+
 /// How a record that was used had been foretold from those before it, and the zero points after it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct History {
@@ -168,21 +189,10 @@ impl JointFit {
     /// If there is no heliostat `k`.
     #[must_use]
     pub fn foretell(&self, k: usize, campaign: &Campaign<'_>) -> Vec<Foretold> {
-        let shape = self.structure.shape();
         let posterior = &self.heliostats[k];
-        let rates = self.hyper.rates();
         let rows = self.rows(k, campaign);
-        let mut out = vec![Foretold::NOTHING; rows.len()];
-        for record in 0..rows.len() {
-            let mut belief = posterior.belief.clone();
-            if let Some(last) = posterior.last_day {
-                let (kept, added) = waited(&rates, rows.days[record] - last);
-                belief.wait(kept, added);
-            }
-            let row = rows.row(shape, record);
-            out[rows.of[record]] = foretold(shape, row, &rates, &belief, &self.common);
-        }
-        out
+        let (belief, last) = (&posterior.belief, posterior.last_day);
+        later(belief, last, &rows, &self.hyper.rates(), &self.common)
     }
 
     /// How the records of heliostat `k` that the fit used (the same campaign) had each been foretold from those
