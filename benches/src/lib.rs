@@ -12,7 +12,7 @@ use std::str::FromStr;
 use std::time::Instant;
 
 use helio_core::{
-    AxisLimits, Enu, EnuUnit, Field, Heliostat, MountErrors, Sag, SimdLevel, TrackingMode,
+    AxisLimits, Enu, EnuUnit, Field, Heliostat, MountErrors, PoseErrors, SimdLevel, TrackingMode,
 };
 
 /// Columns of an input file, in the order of `peers/common.py`.
@@ -100,7 +100,7 @@ impl PeerInput {
                     azimuth_reference_rad: at(8),
                     elevation_reference_rad: at(9),
                 },
-                sag: Sag::NONE,
+                pose_errors: PoseErrors::NONE,
                 limits: AxisLimits {
                     axis1_min_rad: at(10),
                     axis1_max_rad: at(11),

@@ -2,7 +2,7 @@
 
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
 
-use helio_core::{AxisLimits, EnuUnit, Field, Heliostat, MountErrors, Sag, TrackingMode};
+use helio_core::{AxisLimits, EnuUnit, Field, Heliostat, MountErrors, PoseErrors, TrackingMode};
 
 use crate::dd::Dd3;
 use crate::{Rng, V3, mount};
@@ -172,19 +172,20 @@ pub fn field(mode: TrackingMode, heliostats: &[Heliostat]) -> Field {
     field
 }
 
-/// Gives two heliostats in three a sag, of one axis or both, up to the most that is accepted.
-pub fn sagging(rng: &mut Rng, heliostats: &mut [Heliostat]) {
+/// Gives four heliostats in five pose errors, one or some, up to the most that is accepted.
+pub fn pose_errors(rng: &mut Rng, heliostats: &mut [Heliostat]) {
     for h in heliostats {
         let mut some = |chance: f64| {
             if rng.chance(chance) {
-                rng.within(Sag::MAX_RAD)
+                rng.within(PoseErrors::MAX_RAD)
             } else {
                 0.0
             }
         };
-        h.sag = Sag {
-            axis1_rad: some(0.4),
-            axis2_rad: some(0.5),
+        h.pose_errors = PoseErrors {
+            axis1_sag_rad: some(0.4),
+            axis2_sag_rad: some(0.5),
+            axis2_eccentricity_rad: some(0.4),
         };
     }
 }

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use helio_calib::{Mount, Observation};
-use helio_core::{Enu, EnuUnit, MountAxes, Sag, TargetPlane, TrackingMode};
+use helio_core::{Enu, EnuUnit, MountAxes, PoseErrors, TargetPlane, TrackingMode};
 
 use crate::data::Table;
 
@@ -105,7 +105,7 @@ pub fn records_with(data: &Path, name: &str, spots: Spots) -> Records {
         axes: MountAxes::of(mode, EnuUnit::UP),
         pivot,
         mirror_offset_m: at("mirror_pivot_offset_m"),
-        sag: Sag::NONE,
+        pose_errors: PoseErrors::NONE,
     };
     let targets = targets(&juelich);
     let table = Table::read(folder.join(format!("{name}.csv")));

@@ -3,7 +3,7 @@
 
 use core::f64::consts::{FRAC_PI_2, PI};
 
-use helio_core::{MountErrors, Sag, TrackingMode};
+use helio_core::{MountErrors, PoseErrors, TrackingMode};
 
 use crate::V3;
 use crate::dd::{self, Dd, Dd3};
@@ -107,7 +107,7 @@ pub fn leaning(mode: TrackingMode, to_aim: Dd3, errors: &MountErrors) -> Rest {
     }
 }
 
-/// The normal for encoder angles of a mount that does not sag.
+/// The normal for encoder angles of a mount without pose errors.
 #[must_use]
 pub fn forward(
     mode: TrackingMode,
@@ -121,32 +121,41 @@ pub fn forward(
     turned(mode, to_aim, errors, [gamma, alpha])
 }
 
-/// How far a mount's axes sag in a loaded pose \[rad\]: minus kappa times what the height of the normal of a
-/// perfect mount gains with the angle. Heights turn with an axis as cosines do, so that the gain is
-/// the height a quarter turn on, less the part that does not turn.
+/// What a mount's pose errors turn its axes by, at true angles \[rad\]. The sag is minus kappa times what the
+/// height of the normal of a perfect mount gains with the angle: heights turn with an axis as cosines do, so
+/// that the gain is the height a quarter turn on, less the part that does not turn. The eccentricity goes
+/// with how far the normal of a perfect mount leans to the fixed axis.
 #[must_use]
-pub fn sag(mode: TrackingMode, to_aim: Dd3, sag: Sag, [gamma, alpha]: [Dd; 2]) -> [Dd; 2] {
+pub fn turns(
+    mode: TrackingMode,
+    to_aim: Dd3,
+    errors: PoseErrors,
+    [gamma, alpha]: [Dd; 2],
+) -> [Dd; 2] {
+    let perfect = MountErrors::default();
+    let lean =
+        turned(mode, to_aim, &perfect, [gamma, alpha]).dot(leaning(mode, to_aim, &perfect).fixed);
     let height = |gamma: Dd, alpha: Dd| {
-        let n = turned(mode, to_aim, &MountErrors::default(), [gamma, alpha]);
+        let n = turned(mode, to_aim, &perfect, [gamma, alpha]);
         n.dot(Dd3::new(UP))
     };
     let quarter = Dd::new(FRAC_PI_2);
     let gain1 = (height(gamma + quarter, alpha) - height(gamma - quarter, alpha)) * Dd::new(0.5);
     let gain2 = height(gamma, alpha + quarter);
     [
-        -(gain1 * Dd::new(sag.axis1_rad)),
-        -(gain2 * Dd::new(sag.axis2_rad)),
+        -(gain1 * Dd::new(errors.axis1_sag_rad)),
+        lean * Dd::new(errors.axis2_eccentricity_rad) - gain2 * Dd::new(errors.axis2_sag_rad),
     ]
 }
 
-/// The normal for encoder angles of a mount that sags: the loaded pose is found by letting the unloaded one
-/// sag again and again until it stays.
+/// The normal for encoder angles of a mount with pose errors: the true pose is found by turning the one without
+/// by those of the last again and again until it stays.
 #[must_use]
-pub fn sagging_forward(
+pub fn forward_with(
     mode: TrackingMode,
     to_aim: Dd3,
     errors: &MountErrors,
-    kappa: Sag,
+    pose_errors: PoseErrors,
     axis1_rad: f64,
     axis2_rad: f64,
 ) -> Dd3 {
@@ -154,13 +163,13 @@ pub fn sagging_forward(
         Dd::new(axis1_rad) - Dd::new(errors.azimuth_reference_rad),
         Dd::new(axis2_rad) - Dd::new(errors.elevation_reference_rad),
     ];
-    if kappa.is_none() {
+    if pose_errors.is_none() {
         return turned(mode, to_aim, errors, unloaded);
     }
     let mut pose = unloaded;
-    // each time nearer by a factor of fourteen at least
-    for _ in 0..15 {
-        let by = sag(mode, to_aim, kappa, pose);
+    // each time nearer by a factor of eight at least
+    for _ in 0..25 {
+        let by = turns(mode, to_aim, pose_errors, pose);
         pose = [unloaded[0] + by[0], unloaded[1] + by[1]];
     }
     turned(mode, to_aim, errors, pose)
@@ -263,17 +272,17 @@ pub fn inverse(
     })
 }
 
-/// [`inverse`] for a mount that sags.
+/// [`inverse`] for a mount with pose errors.
 #[must_use]
-pub fn sagging_inverse(
+pub fn inverse_with(
     mode: TrackingMode,
     to_aim: Dd3,
     errors: &MountErrors,
-    kappa: Sag,
+    pose_errors: PoseErrors,
     n: Dd3,
 ) -> Option<[[f64; 2]; 2]> {
     let both = inverse(mode, to_aim, errors, n)?;
-    if kappa.is_none() {
+    if pose_errors.is_none() {
         return Some(both);
     }
     Some(both.map(|[axis1, axis2]| {
@@ -281,8 +290,8 @@ pub fn sagging_inverse(
             Dd::new(axis1 - errors.azimuth_reference_rad),
             Dd::new(axis2 - errors.elevation_reference_rad),
         ];
-        let [sag1, sag2] = sag(mode, to_aim, kappa, pose).map(Dd::value);
-        [axis1 - sag1, axis2 - sag2]
+        let [turn1, turn2] = turns(mode, to_aim, pose_errors, pose).map(Dd::value);
+        [axis1 - turn1, axis2 - turn2]
     }))
 }
 

@@ -92,7 +92,7 @@ fn classify(mode: TrackingMode, h: &Heliostat, form: OffsetForm, sun: EnuUnit) -
             ..Verdict::of(Status::Unreachable)
         };
     }
-    let Some(both) = mount::sagging_inverse(mode, truth.t, &h.errors, h.sag, truth.n) else {
+    let Some(both) = mount::inverse_with(mode, truth.t, &h.errors, h.pose_errors, truth.n) else {
         return Verdict {
             boundary: true,
             ..Verdict::of(Status::Unreachable)
@@ -227,7 +227,7 @@ fn move_a_limit_beside_the_answer(rng: &mut Rng, mode: TrackingMode, h: &mut Hel
     if mount::cone_margin(mode, truth.t, &h.errors, truth.n) < 1e-2 {
         return; // where the angles are ill-determined by nature
     }
-    let Some(both) = mount::sagging_inverse(mode, truth.t, &h.errors, h.sag, truth.n) else {
+    let Some(both) = mount::inverse_with(mode, truth.t, &h.errors, h.pose_errors, truth.n) else {
         return;
     };
     let [angle1, angle2] = both[rng.below(2)];
@@ -258,7 +258,7 @@ fn batch(mode_number: usize, batch: u64, form: OffsetForm) -> Table {
         .collect();
     if batch % 3 == 1 {
         let seed = 4_500_000 + 1000 * mode_number as u64 + batch;
-        cases::sagging(&mut Rng::new(seed), &mut heliostats);
+        cases::pose_errors(&mut Rng::new(seed), &mut heliostats);
     }
     for h in heliostats.iter_mut().step_by(5) {
         move_a_limit_beside_the_answer(&mut rng, mode, h, sun.into());

@@ -37,7 +37,7 @@ fn candidates(mode: helio_core::TrackingMode, h: &Heliostat, s: V3) -> Option<Ve
     {
         return None;
     }
-    let both = mount::sagging_inverse(mode, truth.t, &h.errors, h.sag, truth.n)?;
+    let both = mount::inverse_with(mode, truth.t, &h.errors, h.pose_errors, truth.n)?;
     let mut all = Vec::new();
     for (over, solution) in [false, true].into_iter().zip(both) {
         // near nothing in particular; limits of the tests lie within three turns
@@ -294,7 +294,7 @@ fn limits_and_turns_against_enumeration() {
             let sun = cases::sun(&mut rng);
             let mut heliostats = field_of(&mut rng, mode, sun.into(), 2_000);
             if batch % 2 == 1 {
-                cases::sagging(&mut Rng::new(650 + batch as u64), &mut heliostats);
+                cases::pose_errors(&mut Rng::new(650 + batch as u64), &mut heliostats);
             }
             let field = cases::field(mode, &heliostats);
             let tracker = Tracker::new(&field, OffsetForm::Exact).unwrap();

@@ -2,6 +2,8 @@
 //!
 //! Usage: `HELIO_DATA=… cargo run --release -p helio-bench --bin juelich -- [helios|utis] [strict] [NAME …]`
 
+#![allow(clippy::print_stdout, reason = "a table is what it is for")]
+
 use helio_bench::juelich::{Campaigns, Others, PROTOCOLS};
 use helio_calib::joint::JointOptions;
 use helio_tests::juelich::{LATITUDE_RAD, Spots};

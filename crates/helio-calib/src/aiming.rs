@@ -9,7 +9,7 @@ use crate::observation::Mount;
 use crate::parameters::Parameters;
 
 /// Encoder angles \[rad\] of a heliostat that sends its beam to `aim`: the exact mirror-centre normal of
-/// Guo 2015 eqs. (9) and (16), then the direct solution of (22)-(27), less the mount's sag. `None` where it cannot: the aim
+/// Guo 2015 eqs. (9) and (16), then the direct solution of (22)-(27), less the mount's pose errors. `None` where it cannot: the aim
 /// lies within the mirror offset, the sun opposite to it, or the normal in a blind cone.
 ///
 /// The first angle lies in [0, 2π), the second in [-π, π). They agree with `helio_core::Tracker`, which
@@ -17,12 +17,12 @@ use crate::parameters::Parameters;
 ///
 /// ```
 /// use helio_calib::{Mount, Parameters, aiming::encoder_angles_rad};
-/// use helio_core::{Enu, EnuUnit, MountAxes, Sag, TrackingMode};
+/// use helio_core::{Enu, EnuUnit, MountAxes, PoseErrors, TrackingMode};
 /// let mount = Mount {
 ///     axes: MountAxes::of(TrackingMode::AzimuthElevation, EnuUnit::UP),
 ///     pivot: Enu::new(0.0, 100.0, 0.0),
 ///     mirror_offset_m: 0.0,
-///     sag: Sag::NONE,
+///     pose_errors: PoseErrors::NONE,
 /// };
 /// // Sun and aim both 45 degrees up in the south: so is the normal.
 /// let sun = EnuUnit::from_azimuth_elevation(180_f64.to_radians(), 45_f64.to_radians());
@@ -77,12 +77,13 @@ pub(crate) fn aimed(
     let d1 = libm::sqrt(square); // (23)
     let mut alpha = libm::atan2(sin_alpha * cos_mu, d1);
     let mut gamma = libm::atan2(c[1] * d1 - c[0] * d2, c[0] * d1 + c[1] * d2); // (25)-(27)
-    if !mount.sag.is_none() {
+    if !mount.pose_errors.is_none() {
         let (sin_gamma, cos_gamma) = libm::sincos(gamma);
         let [torque1, torque2] =
             torque(mount.up(), [cos_gamma, sin_gamma], [d1 / cos_mu, sin_alpha]);
-        gamma -= mount.sag.axis1_rad * torque1;
-        alpha -= mount.sag.axis2_rad * torque2;
+        gamma -= mount.pose_errors.axis1_sag_rad * torque1;
+        alpha -= mount.pose_errors.axis2_sag_rad * torque2
+            + mount.pose_errors.axis2_eccentricity_rad * sin_alpha;
     }
     Some((n, [wrap_tau(gamma + gamma0), wrap_pi(alpha + alpha0)]))
 }
@@ -136,7 +137,7 @@ mod tests {
     use super::*;
     use crate::random::Random;
     use helio_core::{
-        Field, Heliostat, MountErrors, OffsetForm, Sag, Status, Tracker, TrackingMode,
+        Field, Heliostat, MountErrors, OffsetForm, PoseErrors, Status, Tracker, TrackingMode,
     };
 
     #[test]
@@ -178,12 +179,13 @@ mod tests {
                         azimuth_reference_rad: random.between(-3.0, 3.0),
                         elevation_reference_rad: random.between(-0.2, 0.2),
                     },
-                    sag: if compared % 3 == 0 {
-                        Sag::NONE
+                    pose_errors: if compared % 3 == 0 {
+                        PoseErrors::NONE
                     } else {
-                        Sag {
-                            axis1_rad: random.between(-0.05, 0.05),
-                            axis2_rad: random.between(-0.05, 0.05),
+                        PoseErrors {
+                            axis1_sag_rad: random.between(-0.05, 0.05),
+                            axis2_sag_rad: random.between(-0.05, 0.05),
+                            axis2_eccentricity_rad: random.between(-0.05, 0.05),
                         }
                     },
                     ..Heliostat::new(pivot, aim)

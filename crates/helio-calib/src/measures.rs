@@ -24,9 +24,9 @@ pub struct Measures {
 ///
 /// ```
 /// use helio_calib::{Mount, Observation, Parameters, measures};
-/// use helio_core::{Enu, EnuUnit, MountAxes, Sag, TargetPlane, TrackingMode};
+/// use helio_core::{Enu, EnuUnit, MountAxes, PoseErrors, TargetPlane, TrackingMode};
 /// let axes = MountAxes::of(TrackingMode::AzimuthElevation, EnuUnit::UP);
-/// let mount = Mount { axes, pivot: Enu::default(), mirror_offset_m: 0.0, sag: Sag::NONE };
+/// let mount = Mount { axes, pivot: Enu::default(), mirror_offset_m: 0.0, pose_errors: PoseErrors::NONE };
 /// let facing_north = EnuUnit::try_new(Enu::new(0.0, 1.0, 0.0))?;
 /// let plane = TargetPlane::level(Enu::new(0.0, -100.0, 0.0), facing_north);
 /// // the sun stands in the south at 40°, the mirror is lifted by 20.01°: the beam rises by 0.02°

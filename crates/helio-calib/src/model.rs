@@ -99,7 +99,7 @@ pub struct Pose<T> {
     mirror_tilt: [T; 2],
     mirror_offset_m: T,
     /// In place of the mount's.
-    sag: Option<[T; 2]>,
+    pose_errors: Option<[T; 3]>,
 }
 
 #[inline(always)]
@@ -150,17 +150,17 @@ impl<T: Real> Pose<T> {
             nonorthogonality: cos_sin(tau1),
             mirror_tilt: cos_sin(mu),
             mirror_offset_m,
-            sag: None,
+            pose_errors: None,
         }
     }
 
-    /// With these sags \[rad\] of the first and second axis in place of what is known of the mount, as a fit
-    /// of the sag itself needs it; see [`helio_core::Sag`].
+    /// With these pose errors \[rad\], in the order of [`helio_core::PoseErrors`], in place of what is known of
+    /// the mount, as a fit of them needs it.
     #[inline(always)]
     #[must_use]
-    pub fn with_sag(self, sag: [T; 2]) -> Self {
+    pub fn with_pose_errors(self, pose_errors: [T; 3]) -> Self {
         Self {
-            sag: Some(sag),
+            pose_errors: Some(pose_errors),
             ..self
         }
     }
@@ -175,7 +175,7 @@ pub(crate) fn turned_back<T: Real>([cosine, sine]: [T; 2], [cos0, sin0]: [T; 2])
     ]
 }
 
-/// Sag over kappa of either axis in a loaded pose, [`helio_core::Sag`]: gamma and alpha as cosine and sine,
+/// Sag over kappa of either axis in a loaded pose, [`helio_core::PoseErrors`]: gamma and alpha as cosine and sine,
 /// `up` along the mount's axes.
 #[inline(always)]
 pub(crate) fn torque<T: Real>(
@@ -191,11 +191,11 @@ pub(crate) fn torque<T: Real>(
     ]
 }
 
-/// The identity less the derivatives of both sags by gamma and alpha in a loaded pose: what turns a small turn
-/// of the true angles into one of the encoders'.
+/// The identity less the derivatives of what both axes are turned by, by gamma and alpha in a loaded pose: what
+/// turns a small turn of the true angles into one of the encoders'.
 #[inline(always)]
 fn stiffness<T: Real>(
-    [kappa1, kappa2]: [T; 2],
+    [kappa1, kappa2, e]: [T; 3],
     up: [T; 3],
     [cos_gamma, sin_gamma]: [T; 2],
     [cos_alpha, sin_alpha]: [T; 2],
@@ -209,7 +209,10 @@ fn stiffness<T: Real>(
             one - kappa1 * cos_alpha * level,
             kappa1 * sin_alpha * across,
         ],
-        [kappa2 * sin_alpha * across, one - kappa2 * height],
+        [
+            kappa2 * sin_alpha * across,
+            one - (kappa2 * height + e * cos_alpha),
+        ],
     ]
 }
 
@@ -220,13 +223,14 @@ fn solved<T: Real>([[m11, m12], [m21, m22]]: [[T; 2]; 2], [r1, r2]: [T; 2]) -> [
     [(m22 * r1 - m12 * r2) * per, (m11 * r2 - m21 * r1) * per]
 }
 
-/// A pair turned on by an angle of no more than 0.06 rad, to the last digit.
+/// A pair turned on by an angle of no more than 0.11 rad, to the last digit.
 #[inline(always)]
 pub(crate) fn turned_on<T: Real>([cosine, sine]: [T; 2], angle: T) -> [T; 2] {
     let z = angle * angle;
     let c = T::splat;
-    let s = z.mul_add(c(-1.0 / 5040.0), c(1.0 / 120.0));
-    let s = angle * (s.mul_add(z, c(-1.0 / 6.0)) * z) + angle;
+    let s = z.mul_add(c(1.0 / 362_880.0), c(-1.0 / 5040.0));
+    let s = s.mul_add(z, c(1.0 / 120.0)).mul_add(z, c(-1.0 / 6.0));
+    let s = angle * (s * z) + angle;
     // 1 - cos(angle)
     let v = z.mul_add(c(-1.0 / 40320.0), c(1.0 / 720.0));
     let v = v.mul_add(z, c(-1.0 / 24.0)).mul_add(z, c(0.5)) * z;
@@ -237,17 +241,20 @@ pub(crate) fn turned_on<T: Real>([cosine, sine]: [T; 2], angle: T) -> [T; 2] {
 }
 
 /// Newton steps from the unloaded pose: each squares the error, and one more brings derivatives as far.
-const SAG_STEPS: usize = 4;
+const STEPS: usize = 4;
 
 /// The loaded pose that gives the unloaded one, as cosines and sines of gamma and alpha.
 #[inline(always)]
-fn settled<T: Real>(sag: [T; 2], up: [T; 3], gamma: [T; 2], alpha: [T; 2]) -> [[T; 2]; 2] {
+fn settled<T: Real>(errors: [T; 3], up: [T; 3], gamma: [T; 2], alpha: [T; 2]) -> [[T; 2]; 2] {
     let mut turn = [T::splat(0.0); 2];
     let (mut g, mut a) = (gamma, alpha);
-    for _ in 0..SAG_STEPS {
+    for _ in 0..STEPS {
         let [torque1, torque2] = torque(up, g, a);
-        let left = [sag[0] * torque1 - turn[0], sag[1] * torque2 - turn[1]];
-        let [step1, step2] = solved(stiffness(sag, up, g, a), left);
+        let left = [
+            errors[0] * torque1 - turn[0],
+            errors[1] * torque2 + errors[2] * a[1] - turn[1],
+        ];
+        let [step1, step2] = solved(stiffness(errors, up, g, a), left);
         turn = [turn[0] + step1, turn[1] + step2];
         g = turned_on(gamma, turn[0]);
         a = turned_on(alpha, turn[1]);
@@ -262,24 +269,25 @@ pub struct Normal<T> {
     pub n: [T; 3],
     /// dn by the first six parameters.
     pub slopes: [[T; 3]; 6],
-    /// Derivatives of the sag of either axis by its kappa with the pose kept, within ±1.
-    pub torque: [T; 2],
+    /// What each pose error turns its axis by (the first, the second, the second), per radian of it and with
+    /// the pose kept, within ±1.
+    pub turns: [T; 3],
 }
 
 /// Guo 2015 eq. (29) and its derivatives: n = c A, c = d turned by gamma,
 /// d = (cos(mu) cos(alpha), sin(mu), cos(mu) sin(alpha)) turned by tau1.
 ///
-/// Where the mount sags, gamma and alpha are those of the loaded pose, F(gamma, alpha) = (encoder - reference),
-/// with F the true angles less their sags; derivatives by the references go through that of F
-/// (implicit function theorem). Sag knows nothing of the other parameters.
+/// Where the mount has pose errors, gamma and alpha are the true angles, F(gamma, alpha) = (encoder - reference),
+/// with F the true angles less what the errors turn them by; derivatives by the references go through that of F
+/// (implicit function theorem). Pose errors know nothing of the other parameters.
 #[inline(always)]
 #[must_use]
 pub fn normal<T: Real>(pose: &Pose<T>, sighting: &Sighting<T>) -> Normal<T> {
     let mut gamma = turned_back(sighting.axis1, pose.azimuth_reference);
     let mut alpha = turned_back(sighting.axis2, pose.elevation_reference);
-    let sag = pose.sag.or(sighting.sag);
-    if let Some(sag) = sag {
-        [gamma, alpha] = settled(sag, sighting.up, gamma, alpha);
+    let errors = pose.pose_errors.or(sighting.pose_errors);
+    if let Some(errors) = errors {
+        [gamma, alpha] = settled(errors, sighting.up, gamma, alpha);
     }
     let ([cos_gamma, sin_gamma], [cos_alpha, sin_alpha]) = (gamma, alpha);
     let [cos_tau, sin_tau] = pose.nonorthogonality;
@@ -313,13 +321,14 @@ pub fn normal<T: Real>(pose: &Pose<T>, sighting: &Sighting<T>) -> Normal<T> {
     let by_tau1 = by_gamma([zero, -d[2], d[1]]);
     let mut by_gamma0 = row_times([c[1], -c[0], zero], matrix);
     let mut by_alpha0 = row_times(by_alpha0, matrix);
-    if let Some(sag) = sag {
-        let [[m11, m12], [m21, m22]] = stiffness(sag, sighting.up, gamma, alpha);
+    if let Some(errors) = errors {
+        let [[m11, m12], [m21, m22]] = stiffness(errors, sighting.up, gamma, alpha);
         let per = T::splat(1.0) / (m11 * m22 - m12 * m21);
         let kept = (by_gamma0, by_alpha0);
         by_gamma0 = core::array::from_fn(|k| (m22 * kept.0[k] - m21 * kept.1[k]) * per);
         by_alpha0 = core::array::from_fn(|k| (m11 * kept.1[k] - m12 * kept.0[k]) * per);
     }
+    let [torque1, torque2] = torque(sighting.up, gamma, alpha);
     Normal {
         n: row_times(c, matrix),
         slopes: [
@@ -330,7 +339,7 @@ pub fn normal<T: Real>(pose: &Pose<T>, sighting: &Sighting<T>) -> Normal<T> {
             by_alpha0,
             row_times(by_mu, matrix),
         ],
-        torque: torque(sighting.up, gamma, alpha),
+        turns: [torque1, torque2, sin_alpha],
     }
 }
 
@@ -341,8 +350,9 @@ pub struct Landing<T> {
     pub residual_m: [T; 2],
     /// Its derivatives by the seven parameters.
     pub slopes: [[T; COUNT]; 2],
-    /// Its derivatives by the sag of either axis, also where there is none: \[component\]\[axis\].
-    pub sag_slopes: [[T; 2]; 2],
+    /// Its derivatives by the pose errors, in the order of [`helio_core::PoseErrors`], also where there are none:
+    /// \[component\]\[error\].
+    pub pose_slopes: [[T; 3]; 2],
     /// s·n: positive where the sun is before the mirror.
     pub cos_incidence: T,
     /// nt·r: negative where the beam comes from the target's front.
@@ -357,7 +367,7 @@ pub struct Landing<T> {
 #[inline(always)]
 #[must_use]
 pub fn landing<T: Real>(pose: &Pose<T>, sighting: &Sighting<T>) -> Landing<T> {
-    let Normal { n, slopes, torque } = normal(pose, sighting);
+    let Normal { n, slopes, turns } = normal(pose, sighting);
     let [plane_normal, right, down] = sighting.plane;
     let offset = pose.mirror_offset_m;
     let two = T::splat(2.0);
@@ -392,11 +402,13 @@ pub fn landing<T: Real>(pose: &Pose<T>, sighting: &Sighting<T>) -> Landing<T> {
         core::array::from_fn(|parameter| by(0, parameter)),
         core::array::from_fn(|parameter| by(1, parameter)),
     ];
-    // more sag is less reference
-    let by_sag = |slopes: &[T; COUNT]| {
+    // further turned is less reference
+    let by_pose_errors = |slopes: &[T; COUNT]| {
+        let by_alpha0 = slopes[Parameter::ElevationReference as usize];
         [
-            -(torque[0] * slopes[Parameter::AzimuthReference as usize]),
-            -(torque[1] * slopes[Parameter::ElevationReference as usize]),
+            -(turns[0] * slopes[Parameter::AzimuthReference as usize]),
+            -(turns[1] * by_alpha0),
+            -(turns[2] * by_alpha0),
         ]
     };
     Landing {
@@ -404,7 +416,7 @@ pub fn landing<T: Real>(pose: &Pose<T>, sighting: &Sighting<T>) -> Landing<T> {
             dot(right, spot) - sighting.spot_m[0],
             dot(down, spot) - sighting.spot_m[1],
         ],
-        sag_slopes: [by_sag(&slopes[0]), by_sag(&slopes[1])],
+        pose_slopes: [by_pose_errors(&slopes[0]), by_pose_errors(&slopes[1])],
         slopes,
         cos_incidence,
         facing,

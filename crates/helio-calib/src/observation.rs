@@ -1,6 +1,6 @@
 //! What was seen, and what a fit needs of it.
 
-use helio_core::{Enu, EnuUnit, Heliostat, MountAxes, Sag, TargetPlane, TrackingMode};
+use helio_core::{Enu, EnuUnit, Heliostat, MountAxes, PoseErrors, TargetPlane, TrackingMode};
 
 /// One camera picture of one heliostat's spot.
 ///
@@ -73,12 +73,12 @@ pub struct Mount {
     pub pivot: Enu,
     /// Pivot to mirror centre along the normal \[m\].
     pub mirror_offset_m: f64,
-    /// How far its axes give way to gravity.
-    pub sag: Sag,
+    /// How far its axes stand from their encoders' angles, by the pose.
+    pub pose_errors: PoseErrors,
 }
 
 impl Mount {
-    /// Of a heliostat of a field. Its errors are not looked at, its sag is taken as known.
+    /// Of a heliostat of a field. Its errors are not looked at, its pose errors are taken as known.
     #[must_use]
     pub fn of(mode: TrackingMode, heliostat: &Heliostat) -> Self {
         let to_aim = EnuUnit::try_new(heliostat.aim - heliostat.pivot).unwrap_or(EnuUnit::UP);
@@ -86,7 +86,7 @@ impl Mount {
             axes: MountAxes::of(mode, to_aim),
             pivot: heliostat.pivot,
             mirror_offset_m: heliostat.mirror_offset_m,
-            sag: heliostat.sag,
+            pose_errors: heliostat.pose_errors,
         }
     }
 
@@ -123,8 +123,8 @@ pub struct Sighting<T> {
     pub weight: T,
     /// The world's up along the mount's axes.
     pub up: [T; 3],
-    /// Sag of the first and second axis \[rad\], if the mount has any.
-    pub sag: Option<[T; 2]>,
+    /// Of the mount \[rad\], in the order of [`PoseErrors`], if it has any.
+    pub pose_errors: Option<[T; 3]>,
 }
 
 impl Sighting<f64> {
@@ -149,7 +149,7 @@ impl Sighting<f64> {
             ],
             weight: observation.sigma_m.map_or(1.0, f64::recip),
             up: mount.up(),
-            sag: (!mount.sag.is_none()).then_some([mount.sag.axis1_rad, mount.sag.axis2_rad]),
+            pose_errors: (!mount.pose_errors.is_none()).then(|| mount.pose_errors.to_array()),
         }
     }
 

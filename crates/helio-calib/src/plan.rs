@@ -573,7 +573,7 @@ fn check(options: &PlanOptions) -> Result<(), CalibrationError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use helio_core::{MountAxes, MountErrors, Sag, TrackingMode};
+    use helio_core::{MountAxes, MountErrors, PoseErrors, TrackingMode};
 
     fn site() -> SunSite {
         SunSite::new(0.8886, 0.1115, 88.0).unwrap()
@@ -613,7 +613,7 @@ mod tests {
                 1.7,
             ),
             mirror_offset_m: 0.175,
-            sag: Sag::NONE,
+            pose_errors: PoseErrors::NONE,
         };
         let mut parameters = Parameters::new(&MountErrors::default(), 0.175);
         for value in &mut parameters.values[..6] {

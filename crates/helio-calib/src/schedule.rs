@@ -144,12 +144,12 @@ impl Schedule {
 /// use helio_calib::simulate::{SimulateOptions, simulate};
 /// use helio_calib::{FitOptions, Mount, Parameters};
 /// use helio_core::sun::SunSite;
-/// use helio_core::{Enu, EnuUnit, MountAxes, Sag, TargetPlane, TrackingMode};
+/// use helio_core::{Enu, EnuUnit, MountAxes, PoseErrors, TargetPlane, TrackingMode};
 /// let mount = Mount {
 ///     axes: MountAxes::of(TrackingMode::AzimuthElevation, EnuUnit::UP),
 ///     pivot: Enu::new(20.0, 120.0, 2.0),
 ///     mirror_offset_m: 0.2,
-///     sag: Sag::NONE,
+///     pose_errors: PoseErrors::NONE,
 /// };
 /// let north = EnuUnit::try_new(Enu::new(0.0, 1.0, 0.0))?;
 /// let target = TargetPlane::level(Enu::new(0.0, 0.0, 40.0), north);
@@ -586,14 +586,14 @@ mod tests {
     use super::*;
     use crate::simulate::{Aiming, SimulateOptions, simulate};
     use helio_core::sun::SunSite;
-    use helio_core::{Enu, EnuUnit, MountAxes, Sag, TargetPlane, TrackingMode};
+    use helio_core::{Enu, EnuUnit, MountAxes, PoseErrors, TargetPlane, TrackingMode};
 
     fn mount() -> Mount {
         Mount {
             axes: MountAxes::of(TrackingMode::AzimuthElevation, EnuUnit::UP),
             pivot: Enu::new(30.0, 140.0, 2.0),
             mirror_offset_m: 0.2,
-            sag: Sag::NONE,
+            pose_errors: PoseErrors::NONE,
         }
     }
 

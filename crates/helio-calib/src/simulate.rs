@@ -174,12 +174,12 @@ pub struct Simulated {
 /// use helio_calib::simulate::{SimulateOptions, simulate};
 /// use helio_calib::{Mount, Parameters};
 /// use helio_core::sun::SunSite;
-/// use helio_core::{Enu, EnuUnit, MountAxes, MountErrors, Sag, TargetPlane, TrackingMode};
+/// use helio_core::{Enu, EnuUnit, MountAxes, MountErrors, PoseErrors, TargetPlane, TrackingMode};
 /// let mount = Mount {
 ///     axes: MountAxes::of(TrackingMode::AzimuthElevation, EnuUnit::UP),
 ///     pivot: Enu::new(20.0, 120.0, 2.0),
 ///     mirror_offset_m: 0.2,
-///     sag: Sag::NONE,
+///     pose_errors: PoseErrors::NONE,
 /// };
 /// let errors = MountErrors { pedestal_tilt_rad: 0.004, ..MountErrors::default() };
 /// let north = EnuUnit::try_new(Enu::new(0.0, 1.0, 0.0))?;

@@ -4,10 +4,10 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use helio_calib::model::{Pose, Real, landing};
 use helio_calib::{Mount, Observation, Sighting};
-use helio_core::{Enu, EnuUnit, Heliostat, Sag, TargetPlane, TrackingMode};
+use helio_core::{Enu, EnuUnit, Heliostat, PoseErrors, TargetPlane, TrackingMode};
 
-/// Seven parameters and the sags of both axes.
-const SLOPES: usize = 9;
+/// Seven parameters and three pose errors.
+const SLOPES: usize = 10;
 
 /// A value with its derivatives by all of them (forward mode).
 #[derive(Debug, Clone, Copy)]
@@ -75,7 +75,7 @@ fn lift(s: &Sighting<f64>) -> Sighting<Dual> {
         spot_m: s.spot_m.map(up),
         weight: up(s.weight),
         up: s.up.map(up),
-        sag: None,
+        pose_errors: None,
     }
 }
 
@@ -124,25 +124,21 @@ fn the_analytic_jacobian_is_the_derivative_of_the_values() {
                 _ => size * random(),
             });
             // none for some, and up to the most allowed
-            let sag = match case % 3 {
-                0 => Sag::NONE,
-                _ => Sag {
-                    axis1_rad: Sag::MAX_RAD * random(),
-                    axis2_rad: Sag::MAX_RAD * random(),
-                },
+            let errors: [f64; 3] = match case % 3 {
+                0 => [0.0; 3],
+                _ => std::array::from_fn(|_| PoseErrors::MAX_RAD * random()),
             };
-            let sags = [sag.axis1_rad, sag.axis2_rad];
             let lift_at = |place: usize, value: f64| {
                 let mut unit = [0.0; SLOPES];
                 unit[place] = 1.0;
                 Dual(value, unit)
             };
             let dual = std::array::from_fn(|k| lift_at(k, values[k]));
-            let dual_sags = std::array::from_fn(|axis| lift_at(7 + axis, sags[axis]));
-            mount.sag = sag;
-            // the mount's own sag, and the same in place of another
+            let dual_errors = std::array::from_fn(|k| lift_at(7 + k, errors[k]));
+            mount.pose_errors = PoseErrors::from_array(errors);
+            // the mount's own, and the same in place of others
             let own = landing(&Pose::new(values), &Sighting::new(&mount, &observation));
-            let plain = landing(&Pose::new(values).with_sag(sags), &sighting);
+            let plain = landing(&Pose::new(values).with_pose_errors(errors), &sighting);
             for i in 0..2 {
                 assert!((own.residual_m[i] - plain.residual_m[i]).abs() < 1e-9);
                 for (a, b) in own.slopes[i].iter().zip(plain.slopes[i]) {
@@ -152,14 +148,17 @@ fn the_analytic_jacobian_is_the_derivative_of_the_values() {
             if plain.facing.abs() < 0.05 {
                 continue;
             }
-            let automatic = landing(&Pose::new(dual).with_sag(dual_sags), &lift(&sighting));
+            let automatic = landing(
+                &Pose::new(dual).with_pose_errors(dual_errors),
+                &lift(&sighting),
+            );
             for i in 0..2 {
                 assert!((automatic.residual_m[i].0 - plain.residual_m[i]).abs() < 1e-9);
                 let scale: f64 = plain.slopes[i].iter().map(|d| d * d).sum::<f64>().sqrt();
                 for k in 0..SLOPES {
                     let analytic = match k.checked_sub(7) {
                         None => plain.slopes[i][k],
-                        Some(axis) => plain.sag_slopes[i][axis],
+                        Some(error) => plain.pose_slopes[i][error],
                     };
                     let apart = (automatic.residual_m[i].1[k] - analytic).abs() / scale;
                     worst = worst.max(apart);
@@ -168,5 +167,5 @@ fn the_analytic_jacobian_is_the_derivative_of_the_values() {
         }
     }
     println!("worst relative difference {worst:e}");
-    assert!(worst < 1e-13);
+    assert!(worst < 1e-14);
 }

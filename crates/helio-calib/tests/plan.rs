@@ -17,7 +17,7 @@ use helio_calib::{
 };
 use helio_core::angle::radians;
 use helio_core::sun::SunSite;
-use helio_core::{Enu, EnuUnit, MountAxes, MountErrors, Sag, TargetPlane, TrackingMode};
+use helio_core::{Enu, EnuUnit, MountAxes, MountErrors, PoseErrors, TargetPlane, TrackingMode};
 
 const DAY_NS: i64 = 86_400_000_000_000;
 const AIM: Enu = Enu::new(0.0, -0.5, 55.2);
@@ -101,7 +101,7 @@ fn planned_observations_point_better_over_the_year_than_others() {
                 1.7,
             ),
             mirror_offset_m: 0.175,
-            sag: Sag::NONE,
+            pose_errors: PoseErrors::NONE,
         };
         let truth = Parameters::new(&ErrorSpread::default().draw(&mut random), 0.175);
         let day = 1_735_689_600_000_000_000 + DAY_NS * random.below(330) as i64;
@@ -222,7 +222,7 @@ fn what_is_expected_is_what_the_covariance_says() {
         axes: MountAxes::of(TrackingMode::AzimuthElevation, EnuUnit::UP),
         pivot: Enu::new(40.0, 120.0, 1.7),
         mirror_offset_m: 0.175,
-        sag: Sag::NONE,
+        pose_errors: PoseErrors::NONE,
     };
     let errors = MountErrors {
         pedestal_tilt_rad: 0.004,

@@ -11,7 +11,7 @@ use helio_calib::{
     Fit, FitOptions, Mount, Observation, Parameters, ResidualForm, Solver, Start, Stop, fit,
 };
 use helio_core::angle::{radians, wrap_pi};
-use helio_core::{Enu, EnuUnit, MountAxes, MountErrors, Sag, TargetPlane, TrackingMode};
+use helio_core::{Enu, EnuUnit, MountAxes, MountErrors, PoseErrors, TargetPlane, TrackingMode};
 use serde_json::Value;
 
 struct Case {
@@ -69,7 +69,7 @@ fn cases() -> Vec<Case> {
                     axes: MountAxes::of(TrackingMode::AzimuthElevation, EnuUnit::UP),
                     pivot: Enu::default(),
                     mirror_offset_m: number(case, "mirror_offset_m"),
-                    sag: Sag::NONE,
+                    pose_errors: PoseErrors::NONE,
                 },
                 observations: observations
                     .iter()

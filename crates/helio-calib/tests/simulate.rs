@@ -7,7 +7,7 @@ use helio_calib::simulate::{Aiming, ErrorSpread, Fault, Jump, SimulateOptions, s
 use helio_calib::{CalibrationError, Mount, Parameters, Sighting};
 use helio_core::angle::radians;
 use helio_core::sun::{SunSite, position};
-use helio_core::{Enu, EnuUnit, MountAxes, MountErrors, Sag, TargetPlane, TrackingMode};
+use helio_core::{Enu, EnuUnit, MountAxes, MountErrors, PoseErrors, TargetPlane, TrackingMode};
 
 fn juelich() -> SunSite {
     SunSite::new(radians(50.9134), radians(6.3878), 88.0).unwrap()
@@ -21,7 +21,7 @@ fn mount(pivot: Enu) -> Mount {
         axes: MountAxes::of(mode, EnuUnit::UP),
         pivot,
         mirror_offset_m: 0.175,
-        sag: Sag::NONE,
+        pose_errors: PoseErrors::NONE,
     }
 }
 

@@ -1,6 +1,6 @@
 //! What the calibration of one heliostat came to, as it is kept between runs.
 
-use helio_core::MountErrors;
+use helio_core::{MountErrors, PoseErrors};
 use helio_io::CalibratedSet;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -151,8 +151,9 @@ impl DoneSet {
         }
     }
 
-    /// Its row of the table; the parameters only if they may be used.
-    pub(crate) fn to_table(&self, id: &str) -> CalibratedSet {
+    /// Its row of the table; the parameters only if they may be used, with the pose errors that they were fitted
+    /// with.
+    pub(crate) fn to_table(&self, id: &str, pose_errors: PoseErrors) -> CalibratedSet {
         let good = self.status == crate::commands::calibrate::OK;
         let offset = self
             .free
@@ -162,6 +163,11 @@ impl DoneSet {
         CalibratedSet {
             set: self.name.clone(),
             errors: good.then(|| self.mount_errors()),
+            pose_errors_rad: CalibratedSet::stated(if good {
+                pose_errors
+            } else {
+                PoseErrors::NONE
+            }),
             mirror_offset_m: (good && offset).then_some(self.mirror_offset_m.0),
             valid_from_ns: self.valid_from_ns,
             valid_to_ns: self.valid_to_ns,

@@ -1,8 +1,10 @@
 //! What a calibration changed against an earlier one.
 
-use helio_calib::{Mount, Parameter, Parameters, pointing_sigma_mrad};
+use helio_calib::aiming::encoder_angles_rad;
+use helio_calib::model::{Pose, normal};
+use helio_calib::{Mount, Observation, Parameter, Parameters, Sighting, pointing_sigma_mrad};
 use helio_core::angle::wrap_pi;
-use helio_core::{EnuUnit, Heliostat};
+use helio_core::{EnuUnit, Heliostat, PoseErrors, TargetPlane};
 use helio_io::{CalibratedSet, CalibrationSchedule};
 
 /// What changed between two calibrations of one heliostat.
@@ -13,6 +15,8 @@ pub(crate) struct Change {
     /// Chi-square of the difference against both covariances and its degrees of freedom, of the two
     /// sets that differ most surely among those that hold at the same hours.
     pub(crate) chi_square: Option<(f64, usize)>,
+    /// True if some of those stand on other pose errors, of which no covariance tells; there is then no chi-square.
+    pub(crate) other_pose_errors: bool,
     /// How many pairs of sets hold at the same hours.
     pub(crate) pairs: usize,
 }
@@ -57,14 +61,23 @@ impl Change {
         let mut squares = Vec::with_capacity(suns.len());
         let mut pairs: Vec<[&str; 2]> = Vec::new();
         for &(sun, hour_rad) in suns {
-            let [before, after] = [0, 1].map(|row| {
-                let told = schedule.heliostat_at(row, None, hour_rad);
-                Parameters::new(&told.errors, told.mirror_offset_m)
-            });
-            let step = step(&before, &after);
+            let told = [0, 1].map(|row| schedule.heliostat_at(row, None, hour_rad));
+            let [before, after] =
+                told.map(|told| Parameters::new(&told.errors, told.mirror_offset_m));
+            let mount = Mount {
+                pose_errors: told[1].pose_errors,
+                ..*mount
+            };
+            let mut step = step(&before, &after);
+            if told[0].pose_errors != told[1].pose_errors {
+                let further = further_turned(told, &mount, &after, sun);
+                // further turned is less reference
+                step[Parameter::AzimuthReference as usize] -= further[0];
+                step[Parameter::ElevationReference as usize] -= further[1];
+            }
             // What moves the beams by a known step is the uncertainty of rank one that it would be.
             let outer = step.map(|a| step.map(|b| a * b));
-            if let Some(mrad) = pointing_sigma_mrad(mount, &after, &outer, sun, heliostat.aim) {
+            if let Some(mrad) = pointing_sigma_mrad(&mount, &after, &outer, sun, heliostat.aim) {
                 squares.push(mrad * mrad);
             }
             let holding = [0, 1].map(|row| schedule.set_at(row, None, hour_rad));
@@ -81,18 +94,28 @@ impl Change {
         let surely = |(chi_square, freedom): (f64, usize)| {
             chi_square / by_chance(pairs.len(), freedom).unwrap_or(f64::INFINITY)
         };
-        let chi_square = pairs
+        let together: Vec<_> = pairs
             .iter()
             .filter_map(|[one, other]| {
-                let (before, one) = named(old, one, heliostat)?;
-                let (after, other) = named(new, other, heliostat)?;
+                Some((named(old, one, heliostat)?, named(new, other, heliostat)?))
+            })
+            .collect();
+        let other_pose_errors = together
+            .iter()
+            .any(|(before, after)| before.pose_errors != after.pose_errors);
+        let chi_square = together
+            .iter()
+            .filter(|_| !other_pose_errors)
+            .filter_map(|(before, after)| {
+                let (one, other) = (&before.covariance, &after.covariance);
                 let sum = std::array::from_fn(|a| std::array::from_fn(|b| one[a][b] + other[a][b]));
-                chi_square(&step(&before, &after), &sum)
+                chi_square(&step(&before.parameters, &after.parameters), &sum)
             })
             .max_by(|&a, &b| surely(a).total_cmp(&surely(b)));
         Some(Self {
             beam_mrad: (squares.iter().sum::<f64>() / squares.len() as f64).sqrt(),
             chi_square,
+            other_pose_errors,
             pairs: pairs.len(),
         })
     }
@@ -103,18 +126,44 @@ fn by_chance(pairs: usize, freedom: usize) -> Option<f64> {
     row.get(freedom.checked_sub(1)?).copied()
 }
 
-/// The parameters of a set and their covariance, zero where it has none.
-fn named(
-    sets: &[&CalibratedSet],
-    name: &str,
-    heliostat: &Heliostat,
-) -> Option<(Parameters, [[f64; 7]; 7])> {
+/// How much further either axis turns by the second's pose errors than by the first's \[rad\], where the second
+/// sends the sun to the aim: to the first order, as a step of the parameters is. Zero where it cannot.
+fn further_turned(
+    told: [Heliostat; 2],
+    mount: &Mount,
+    parameters: &Parameters,
+    sun: EnuUnit,
+) -> [f64; 2] {
+    let aim = told[1].aim;
+    let Some([axis1, axis2]) = encoder_angles_rad(mount, parameters, sun, aim) else {
+        return [0.0; 2];
+    };
+    // only its angles count
+    let seen = Observation::new(sun, axis1, axis2, TargetPlane::level(aim, sun), 0.0, 0.0);
+    let turns = normal(&Pose::of(parameters), &Sighting::new(mount, &seen)).turns;
+    let [before, after] = told.map(|told| told.pose_errors.to_array());
+    let by: [f64; 3] = std::array::from_fn(|k| turns[k] * (after[k] - before[k]));
+    [by[0], by[1] + by[2]]
+}
+
+/// What a set says of one heliostat.
+struct Named {
+    parameters: Parameters,
+    /// Zero where it has none.
+    covariance: [[f64; 7]; 7],
+    pose_errors: PoseErrors,
+}
+
+fn named(sets: &[&CalibratedSet], name: &str, heliostat: &Heliostat) -> Option<Named> {
     let set = sets
         .iter()
         .find(|set| set.set == name && set.errors.is_some())?;
     let offset_m = set.mirror_offset_m.unwrap_or(heliostat.mirror_offset_m);
-    let parameters = Parameters::new(set.errors.as_ref()?, offset_m);
-    Some((parameters, set.covariance.unwrap_or([[0.0; 7]; 7])))
+    Some(Named {
+        parameters: Parameters::new(set.errors.as_ref()?, offset_m),
+        covariance: set.covariance.unwrap_or([[0.0; 7]; 7]),
+        pose_errors: set.pose_errors(heliostat.pose_errors),
+    })
 }
 
 /// From some parameters to others, the references the short way round.

@@ -311,6 +311,122 @@ fn an_earlier_calibration_is_compared() {
     assert!(said.contains("3 of them changed significantly"), "{said}");
 }
 
+/// What a comparison said is found again by tracking with the new calibration and following the beams with the
+/// old one.
+fn follow_changes(
+    folder: &Folder,
+    more: &str,
+    [old, new]: [&str; 2],
+    said: &str,
+    within_mrad: std::ops::Range<f64>,
+) {
+    let mut suns = "azimuth_deg,elevation_deg\n".to_owned();
+    let (sin, cos) = 37.4_f64.to_radians().sin_cos();
+    for step in 0..24 * 96 {
+        let ecliptic = f64::from(step / 96 * 15).to_radians();
+        let up = 23.436_f64.to_radians().sin() * ecliptic.sin();
+        let across = (1.0 - up * up).sqrt();
+        let hour = (f64::from(step % 96) * 3.75 - 180.0).to_radians();
+        let height = up * sin + across * cos * hour.cos();
+        if height >= 10.0_f64.to_radians().sin() {
+            let north = up * cos - across * sin * hour.cos();
+            let azimuth = (-across * hour.sin()).atan2(north).to_degrees();
+            let elevation = height.asin().to_degrees();
+            suns += &format!("{},{elevation}\n", azimuth.rem_euclid(360.0));
+        }
+    }
+    folder.write("suns.csv", suns);
+    let plain = format!("{FIELD}{more}");
+    let calibrated =
+        |by: &str| folder.write("field.toml", format!("{plain}calibration = \"{by}\"\n"));
+    calibrated(new);
+    let args = ["--suns", "suns.csv", "--out", "angles.csv"];
+    assert!(folder.track(&args).code() <= 1);
+    calibrated(old);
+    let args = ["predict", "--field", "field.toml", "--angles", "angles.csv"];
+    let predicted = rows(&folder.run(&args).stdout());
+    folder.write("field.toml", plain);
+    for id in ["A1", "A2", "B, 3"] {
+        let squares: Vec<f64> = predicted
+            .iter()
+            .filter(|row| row["id"] == id && row["status"] == "ok")
+            .map(|row| number(row, "beam_error_mrad").powi(2))
+            .collect();
+        assert!(squares.len() > 800, "{}", squares.len());
+        let wanted = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
+        let begin = format!("{id}: changed by ");
+        let line = said.lines().find_map(|line| line.strip_prefix(&begin));
+        let words = line.unwrap().split_whitespace().next();
+        let mrad: f64 = words.unwrap().parse().unwrap();
+        assert!((mrad / wanted - 1.0).abs() < 0.01, "{id}: {mrad} {wanted}");
+        assert!(within_mrad.contains(&mrad), "{id}: {mrad}");
+    }
+}
+
+/// A table holds the pose errors that its fits stood on, serves a field that knows none, and is compared with
+/// another by its own.
+#[test]
+fn calibration_tables_have_pose_errors_of_their_own() {
+    let pose = "axis1_sag_deg = 0.1\naxis2_sag_deg = 0.2\naxis2_eccentricity_deg = -0.07\n";
+    let names = ["axis1_sag_deg", "axis2_sag_deg", "axis2_eccentricity_deg"];
+    let folder = Folder::new();
+    let pose_field = format!("{FIELD}{pose}");
+    folder.write("field.toml", &pose_field);
+    let args = ["--random-errors", "--seed", "7", "--count", "80"];
+    simulate(&folder, &[&args[..], &["--out", "seen.csv"]].concat());
+    calibrate(&folder, &["--out", "new.csv"]).good();
+    let table = folder.read("new.csv");
+    for row in rows(&table) {
+        assert_eq!(names.map(|name| number(&row, name)), [0.1, 0.2, -0.07]);
+        assert!(number(&row, "rms_mrad") < 0.85, "{row:?}");
+    }
+    // by the layout's or by the table's
+    let track = |field: String| {
+        folder.write("field.toml", field);
+        folder.track(NOON).good()
+    };
+    let calibrated = "calibration = \"new.csv\"\n";
+    let by_both = track(format!("{pose_field}{calibrated}"));
+    assert_eq!(track(format!("{FIELD}{calibrated}")), by_both);
+    assert_ne!(track(FIELD.to_owned()), by_both);
+
+    // The same but for an eccentricity that is not what it was.
+    let lines: Vec<Vec<&str>> = table
+        .lines()
+        .map(|line| line.split(',').collect())
+        .collect();
+    let of = |name: &str| lines[0].iter().position(|column| *column == name).unwrap();
+    let (id, place) = (of("id"), of(names[2]));
+    let mut old = String::new();
+    for (number, line) in lines.iter().enumerate() {
+        let mut line = line.clone();
+        // a comma in an id moves what is after it
+        let moved = usize::from(line[id].starts_with('"'));
+        if number > 0 {
+            line[place + moved] = "0.05";
+        }
+        old += &format!("{}\n", line.join(","));
+    }
+    folder.write("old.csv", old);
+    folder.write("field.toml", &pose_field);
+    let run = calibrate(&folder, &["--out", "again.csv", "--compare", "old.csv"]);
+    run.good();
+    let said = run.stderr();
+    assert!(
+        said.contains("whether significantly is not known: its pose errors are others"),
+        "{said}"
+    );
+    follow_changes(&folder, pose, ["old.csv", "new.csv"], &said, 1.0..5.0);
+    // and with the very same nothing has changed, whatever the layout states now
+    folder.write("old.csv", table);
+    folder.write("field.toml", format!("{FIELD}{calibrated}"));
+    let same = calibrate(&folder, &["--out", "again.csv", "--compare", "old.csv"]).stderr();
+    assert!(
+        same.contains("A1: changed by 0.000 mrad over the year, not significantly"),
+        "{same}"
+    );
+}
+
 /// Sets are compared by what they tell the axes at each hour, however many there are on either side.
 #[test]
 fn an_earlier_calibration_of_another_number_of_sets_is_compared() {
@@ -350,47 +466,7 @@ fn an_earlier_calibration_of_another_number_of_sets_is_compared() {
         "{said}"
     );
     assert!(said.contains("the greatest of 2 pairs of sets"), "{said}");
-    // The same by tracking with the one and following the beams with the other.
-    let mut suns = "azimuth_deg,elevation_deg\n".to_owned();
-    let (sin, cos) = 37.4_f64.to_radians().sin_cos();
-    for step in 0..24 * 96 {
-        let ecliptic = f64::from(step / 96 * 15).to_radians();
-        let up = 23.436_f64.to_radians().sin() * ecliptic.sin();
-        let across = (1.0 - up * up).sqrt();
-        let hour = (f64::from(step % 96) * 3.75 - 180.0).to_radians();
-        let height = up * sin + across * cos * hour.cos();
-        if height >= 10.0_f64.to_radians().sin() {
-            let north = up * cos - across * sin * hour.cos();
-            let azimuth = (-across * hour.sin()).atan2(north).to_degrees();
-            let elevation = height.asin().to_degrees();
-            suns += &format!("{},{elevation}\n", azimuth.rem_euclid(360.0));
-        }
-    }
-    folder.write("suns.csv", suns);
-    let calibrated =
-        |by: &str| folder.write("field.toml", format!("{FIELD}calibration = \"{by}\"\n"));
-    calibrated("new.csv");
-    let args = ["--suns", "suns.csv", "--out", "angles.csv"];
-    assert!(folder.track(&args).code() <= 1);
-    calibrated("old.csv");
-    let args = ["predict", "--field", "field.toml", "--angles", "angles.csv"];
-    let predicted = rows(&folder.run(&args).stdout());
-    folder.write("field.toml", FIELD);
-    for id in ["A1", "A2", "B, 3"] {
-        let squares: Vec<f64> = predicted
-            .iter()
-            .filter(|row| row["id"] == id && row["status"] == "ok")
-            .map(|row| number(row, "beam_error_mrad").powi(2))
-            .collect();
-        assert!(squares.len() > 800, "{}", squares.len());
-        let wanted = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
-        let begin = format!("{id}: changed by ");
-        let line = said.lines().find_map(|line| line.strip_prefix(&begin));
-        let words = line.unwrap().split_whitespace().next();
-        let mrad: f64 = words.unwrap().parse().unwrap();
-        assert!((mrad / wanted - 1.0).abs() < 0.01, "{id}: {mrad} {wanted}");
-        assert!((2.0..3.0).contains(&mrad), "{id}: {mrad}");
-    }
+    follow_changes(&folder, "", ["old.csv", "new.csv"], &said, 2.0..3.0);
     // Cut in two but the same: nothing has changed. And the other way round.
     folder.write("old.csv", two(0.0));
     let same = calibrate(&folder, &["--out", "again.csv", "--compare", "old.csv"]).stderr();

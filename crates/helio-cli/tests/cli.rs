@@ -285,13 +285,13 @@ fn predictions_take_back_what_tracking_wrote() {
     }
 }
 
-/// The angles of a sagging field lead its beams back to their aims, whole steps too, and are those of a
-/// stiff one less the sag.
+/// The angles of a field with pose errors lead its beams back to their aims, whole steps too, and are those of one
+/// without less what they turn.
 #[test]
-fn sag_goes_through_tracking_prediction_limits_and_steps() {
-    let sag = "axis1_sag_deg = 0.1\n";
+fn pose_errors_go_through_tracking_prediction_limits_and_steps() {
+    let errors = "axis1_sag_deg = 0.1\naxis2_eccentricity_deg = -0.07\n";
     let folder = Folder::new();
-    // elevation is bent by -kappa2 cos(elevation), the azimuth not at all
+    // elevation is turned by -kappa2 cos(elevation) + e sin(elevation), the azimuth not at all
     let of_each =
         "id,east_m,north_m,up_m,axis2_sag_deg\nA1,-40,100,3,0.2\nA2,0.5,110,3,\nB,60,240,3,-0.3\n";
     folder.write("heliostats.csv", of_each);
@@ -302,7 +302,7 @@ fn sag_goes_through_tracking_prediction_limits_and_steps() {
         "stiff.toml",
         stiff_field.replace("heliostats.csv", "stiff.csv"),
     );
-    folder.write("field.toml", format!("{FIELD}{sag}"));
+    folder.write("field.toml", format!("{FIELD}{errors}"));
     let tracked = folder.track(&[NOON, &["--verify", "--out", "angles.csv"]].concat());
     tracked.good();
     let sagging = rows(&folder.read("angles.csv"));
@@ -316,7 +316,8 @@ fn sag_goes_through_tracking_prediction_limits_and_steps() {
         assert!(number(row, "beam_error_mrad") < 1e-9);
         let elevation = number(&stiff, "elevation_deg");
         let off = number(row, "elevation_deg") - elevation;
-        let want = kappa_deg * elevation.to_radians().cos();
+        let (sin, cos) = elevation.to_radians().sin_cos();
+        let want = kappa_deg * cos + 0.07 * sin;
         assert!((off - want).abs() < 1e-12, "{off} {want}");
         assert_eq!(row["azimuth_deg"], stiff["azimuth_deg"]);
     }
@@ -326,7 +327,7 @@ fn sag_goes_through_tracking_prediction_limits_and_steps() {
         assert!(row["beam_error_mrad"].parse::<f64>().unwrap() < 1e-9);
     }
     // whole steps of 0.001°: half of one at most on either axis, four times that on the beam
-    folder.write("field.toml", format!("{FIELD}{sag}{DRIVES}"));
+    folder.write("field.toml", format!("{FIELD}{errors}{DRIVES}"));
     let stepped = folder.track(&[NOON, &["--verify"]].concat());
     for row in rows(&stepped.good()) {
         assert!(row["beam_error_mrad"].parse::<f64>().unwrap() < 0.035);
@@ -337,7 +338,7 @@ fn sag_goes_through_tracking_prediction_limits_and_steps() {
     let elevation: f64 = sagging[0]["elevation_deg"].parse().unwrap();
     let limits = |most: f64| {
         let limits = format!("axis2_min_deg = -90\naxis2_max_deg = {most}\n");
-        folder.write("field.toml", format!("{FIELD}{sag}{limits}"));
+        folder.write("field.toml", format!("{FIELD}{errors}{limits}"));
         rows(&folder.track(NOON).stdout()).swap_remove(0)
     };
     assert_eq!(limits(elevation + 0.001)["status"], "ok");
@@ -347,7 +348,9 @@ fn sag_goes_through_tracking_prediction_limits_and_steps() {
     assert!((excess - 0.001).abs() < 1e-9, "{excess}");
     let report = folder.run(&["check", "--field", "field.toml"]).good();
     assert!(
-        report.contains("axis1_sag 0.1°") && report.contains("axis2_sag -0.3 to 0.2°"),
+        report.contains("axis1_sag 0.1°")
+            && report.contains("axis2_sag -0.3 to 0.2°")
+            && report.contains("axis2_eccentricity -0.07°"),
         "{report}"
     );
 }

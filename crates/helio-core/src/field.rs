@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 
 use crate::error::FieldError;
 use crate::frame::Enu;
-use crate::mount::{AxisLimits, MountErrors, Sag, TrackingMode};
+use crate::mount::{AxisLimits, MountErrors, PoseErrors, TrackingMode};
 
 /// Everything about one heliostat that its axis angles depend on.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,8 +19,8 @@ pub struct Heliostat {
     pub mirror_offset_m: f64,
     /// Departures from the ideal mount.
     pub errors: MountErrors,
-    /// How far its axes give way to gravity.
-    pub sag: Sag,
+    /// How far its axes stand from their encoders' angles, by the pose.
+    pub pose_errors: PoseErrors,
     /// How far the axes turn.
     pub limits: AxisLimits,
 }
@@ -41,7 +41,7 @@ impl Heliostat {
                 azimuth_reference_rad: 0.0,
                 elevation_reference_rad: 0.0,
             },
-            sag: Sag::NONE,
+            pose_errors: PoseErrors::NONE,
             limits: AxisLimits::NONE,
         }
     }
@@ -184,10 +184,14 @@ fn check(id: &str, heliostat: &Heliostat) -> Result<(), FieldError> {
         }
     }
     for (what, value) in [
-        ("axis1_sag_rad", h.sag.axis1_rad),
-        ("axis2_sag_rad", h.sag.axis2_rad),
+        ("axis1_sag_rad", h.pose_errors.axis1_sag_rad),
+        ("axis2_sag_rad", h.pose_errors.axis2_sag_rad),
+        (
+            "axis2_eccentricity_rad",
+            h.pose_errors.axis2_eccentricity_rad,
+        ),
     ] {
-        if value.is_nan() || value.abs() > Sag::MAX_RAD {
+        if value.is_nan() || value.abs() > PoseErrors::MAX_RAD {
             return Err(bad(what, "within ±0.05 rad (2.86°)", value));
         }
     }

@@ -20,7 +20,7 @@ pub mod tracking;
 pub use field::{Field, Heliostat};
 pub use frame::{Enu, EnuUnit, TargetPlane};
 pub use lanes::SimdLevel;
-pub use mount::{AxisLimits, MountAxes, MountErrors, Sag, TrackingMode};
+pub use mount::{AxisLimits, MountAxes, MountErrors, PoseErrors, TrackingMode};
 pub use offset::OffsetForm;
 pub use status::Status;
 pub use tracking::{Present, TrackOptions, Tracker, Tracking};

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use helio_core::MountErrors;
 use helio_core::angle::{degrees, radians};
+use helio_core::{MountErrors, PoseErrors};
 
 use crate::error::{IoError, Problem};
 use crate::field::ignored_in_calibrations;
@@ -23,10 +23,9 @@ pub struct CalibratedSet {
     pub set: String,
     /// The six errors; `None` where the fit is no good, and the layout's errors hold.
     pub errors: Option<MountErrors>,
-    /// Sag of the first axis \[rad\], where it is stated; the layout's holds where it is not.
-    pub axis1_sag_rad: Option<f64>,
-    /// Sag of the second axis \[rad\], likewise.
-    pub axis2_sag_rad: Option<f64>,
+    /// Pose errors \[rad\] in the order of [`PoseErrors`], where they are stated; the layout's hold where they
+    /// are not.
+    pub pose_errors_rad: [Option<f64>; 3],
     /// Mirror offset \[m\], where it was fitted.
     pub mirror_offset_m: Option<f64>,
     /// When the set begins to hold \[ns of Unix time\]; `None`: always has.
@@ -102,8 +101,7 @@ impl CalibratedSet {
             id: id.to_owned(),
             set: String::new(),
             errors: None,
-            axis1_sag_rad: None,
-            axis2_sag_rad: None,
+            pose_errors_rad: [None; 3],
             mirror_offset_m: None,
             valid_from_ns: None,
             valid_to_ns: None,
@@ -123,6 +121,28 @@ impl CalibratedSet {
             why: why.to_owned(),
         }
     }
+
+    /// Its pose errors: the layout's where it states none of its own.
+    #[must_use]
+    pub fn pose_errors(&self, layout: PoseErrors) -> PoseErrors {
+        pose_errors_over(self.pose_errors_rad, layout)
+    }
+
+    /// What a set states of a mount's pose errors: all three, or nothing where the mount has none.
+    #[must_use]
+    pub fn stated(pose_errors: PoseErrors) -> [Option<f64>; 3] {
+        if pose_errors.is_none() {
+            [None; 3]
+        } else {
+            pose_errors.to_array().map(Some)
+        }
+    }
+}
+
+/// What is stated of them, and the layout's for the rest.
+pub(crate) fn pose_errors_over(stated: [Option<f64>; 3], layout: PoseErrors) -> PoseErrors {
+    let layout = layout.to_array();
+    PoseErrors::from_array(std::array::from_fn(|k| stated[k].unwrap_or(layout[k])))
 }
 
 /// Degrees that are read back as this angle \[rad\] to the last bit where any double is, and otherwise
@@ -221,16 +241,8 @@ pub fn write_calibration(
                 .map_or(f64::NAN, |e| degrees_for(in_order(e)[k]))
         })
     });
-    let sags = [
-        (
-            &keys::AXIS1_SAG,
-            numbers(&|s| s.axis1_sag_rad.map_or(f64::NAN, degrees_for)),
-        ),
-        (
-            &keys::AXIS2_SAG,
-            numbers(&|s| s.axis2_sag_rad.map_or(f64::NAN, degrees_for)),
-        ),
-    ];
+    let pose_errors: [Vec<f64>; 3] =
+        std::array::from_fn(|k| numbers(&|s| s.pose_errors_rad[k].map_or(f64::NAN, degrees_for)));
     let offsets = numbers(&|s| s.mirror_offset_m.unwrap_or(f64::NAN));
     let (from, to) = (times(&|s| s.valid_from_ns), times(&|s| s.valid_to_ns));
     let hour = |angle: Option<f64>| angle.map_or(f64::NAN, degrees_for);
@@ -276,7 +288,7 @@ pub fn write_calibration(
             .map(|(key, column)| (key.name, Cells::Numbers(column))),
     );
     let any = |column: &[f64]| column.iter().any(|value| value.is_finite());
-    for (key, column) in &sags {
+    for (key, column) in keys::POSE_ERRORS.iter().zip(&pose_errors) {
         if any(column) {
             columns.push((key.name, Cells::Numbers(column)));
         }
@@ -352,8 +364,8 @@ fn covariance(text: &str) -> Option<[[f64; 7]; 7]> {
     Some(matrix)
 }
 
-/// Reads a calibration table to compare another with: ids, sets, errors, sags, validity, covariance, RMS and
-/// status. Rows without numbers are there too; standard errors and counts are not read.
+/// Reads a calibration table to compare another with: ids, sets, errors, pose errors, validity, covariance, RMS
+/// and status. Rows without numbers are there too; standard errors and counts are not read.
 ///
 /// # Errors
 /// [`IoError`] for an unknown or missing column and for cells that are not what their column wants.
@@ -381,6 +393,10 @@ pub fn load_calibration(path: &Path) -> Result<Vec<CalibratedSet>, IoError> {
             };
             let mut stated = [None; 6];
             for (slot, key) in stated.iter_mut().zip(ERRORS) {
+                *slot = number(key)?.map(radians);
+            }
+            let mut pose_errors_rad = [None; 3];
+            for (slot, key) in pose_errors_rad.iter_mut().zip(keys::POSE_ERRORS) {
                 *slot = number(key)?.map(radians);
             }
             let known = stated.iter().any(Option::is_some);
@@ -414,8 +430,7 @@ pub fn load_calibration(path: &Path) -> Result<Vec<CalibratedSet>, IoError> {
                     azimuth_reference_rad: azimuth,
                     elevation_reference_rad: elevation,
                 }),
-                axis1_sag_rad: number(&keys::AXIS1_SAG)?.map(radians),
-                axis2_sag_rad: number(&keys::AXIS2_SAG)?.map(radians),
+                pose_errors_rad,
                 mirror_offset_m: number(&keys::MIRROR_OFFSET)?,
                 valid_from_ns: table.time(row, &keys::VALID_FROM, &id)?,
                 valid_to_ns: table.time(row, &keys::VALID_TO, &id)?,

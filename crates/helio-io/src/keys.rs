@@ -222,8 +222,8 @@ const COORDINATE: Kind = Kind::Number(-FAR_M, FAR_M);
 const TURNS: Kind = Kind::Number(-36000.0, 36000.0);
 const SKEW: Kind = Kind::Number(-80.0, 80.0);
 const CIRCLE: Kind = Kind::Number(-360.0, 360.0);
-/// Just within [`helio_core::Sag::MAX_RAD`].
-const SAG: Kind = Kind::Number(-2.86, 2.86);
+/// Just within [`helio_core::PoseErrors::MAX_RAD`].
+const POSE: Kind = Kind::Number(-2.86, 2.86);
 
 pub(crate) static ID: Key = required(
     "id",
@@ -282,13 +282,18 @@ pub(crate) static ELEVATION_REFERENCE: Key = optional(
 );
 pub(crate) static AXIS1_SAG: Key = optional(
     "axis1_sag_deg",
-    SAG,
-    "Sag of the first axis under gravity where the mirror pulls it round hardest, in degrees (kappa1); positive if the mirror sinks. Default: 0.",
+    POSE,
+    "PoseErrors of the first axis under gravity where the mirror pulls it round hardest, in degrees (kappa1); positive if the mirror sinks. Default: 0.",
 );
 pub(crate) static AXIS2_SAG: Key = optional(
     "axis2_sag_deg",
-    SAG,
-    "Sag of the second axis under gravity where the mirror pulls it round hardest, in degrees (kappa2); positive if the mirror sinks. Default: 0.",
+    POSE,
+    "PoseErrors of the second axis under gravity where the mirror pulls it round hardest, in degrees (kappa2); positive if the mirror sinks. Default: 0.",
+);
+pub(crate) static AXIS2_ECCENTRICITY: Key = optional(
+    "axis2_eccentricity_deg",
+    POSE,
+    "Eccentricity of the second axis' encoder: how far the axis turns beyond it a quarter turn from its zero, in degrees (e). Default: 0.",
 );
 pub(crate) static AXIS1_MIN: Key = optional(
     "axis1_min_deg",
@@ -311,6 +316,9 @@ pub(crate) static AXIS2_MAX: Key = optional(
     "Greatest encoder angle of the second axis in degrees; only together with axis2_min_deg.",
 );
 
+/// In the order of [`helio_core::PoseErrors`].
+pub(crate) static POSE_ERRORS: [&Key; 3] = [&AXIS1_SAG, &AXIS2_SAG, &AXIS2_ECCENTRICITY];
+
 /// What a heliostat may have of its own or by default, in the order of [`Quantities`](crate::layout::Quantities).
 pub(crate) static QUANTITIES: &[&Key] = &[
     &MIRROR_OFFSET,
@@ -322,6 +330,7 @@ pub(crate) static QUANTITIES: &[&Key] = &[
     &ELEVATION_REFERENCE,
     &AXIS1_SAG,
     &AXIS2_SAG,
+    &AXIS2_ECCENTRICITY,
     &AXIS1_MIN,
     &AXIS1_MAX,
     &AXIS2_MIN,
@@ -346,6 +355,7 @@ pub(crate) static LAYOUT: &[&Key] = &[
     &ELEVATION_REFERENCE,
     &AXIS1_SAG,
     &AXIS2_SAG,
+    &AXIS2_ECCENTRICITY,
     &AXIS1_MIN,
     &AXIS1_MAX,
     &AXIS2_MIN,
@@ -616,6 +626,7 @@ pub(crate) static HELIOSTATS: &[&Key] = &[
     &ELEVATION_REFERENCE,
     &AXIS1_SAG,
     &AXIS2_SAG,
+    &AXIS2_ECCENTRICITY,
     &AXIS1_MIN,
     &AXIS1_MAX,
     &AXIS2_MIN,
@@ -706,6 +717,7 @@ pub(crate) static CALIBRATION_COLUMNS: &[&Key] = &[
     &ELEVATION_REFERENCE,
     &AXIS1_SAG,
     &AXIS2_SAG,
+    &AXIS2_ECCENTRICITY,
 ];
 
 pub(crate) static COVARIANCE: Key = optional(
@@ -740,6 +752,7 @@ pub(crate) static COMPARED_COLUMNS: &[&Key] = &[
     &ELEVATION_REFERENCE,
     &AXIS1_SAG,
     &AXIS2_SAG,
+    &AXIS2_ECCENTRICITY,
     &COVARIANCE,
     &RMS,
     &BEAM_RMS,

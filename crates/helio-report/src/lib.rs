@@ -3,7 +3,9 @@
 //! [`field_map`] draws a field from above, each heliostat coloured by an angle or by its status;
 //! [`angle_curves`] draws axis angles and incidence of a few heliostats over time. Both give a
 //! [`Figure`], which [`Figure::to_svg`] turns into a file, [`stack`] puts under another, and
-//! [`Page`] shows in HTML. [`calibration`] makes the page of a calibration. A figure needs nothing from outside: no script, no font, no style sheet.
+//! [`Page`] shows in HTML. [`calibration`] makes the page of a calibration heliostat by heliostat,
+//! [`joint`] that of a field calibrated as one. A figure needs nothing from outside: no script, no
+//! font, no style sheet.
 //!
 //! Units at this edge are those printed: metres and degrees. Colours are safe for colour-blind
 //! readers: viridis for values, a darkened twilight (cyclic) for azimuths, and the palette of Okabe
@@ -12,6 +14,7 @@
 pub mod calibration;
 mod curves;
 mod html;
+pub mod joint;
 mod map;
 mod palette;
 mod svg;

@@ -200,14 +200,14 @@ const ONE_TIME_RAD: f64 = 0.009;
 ///
 /// ```
 /// # use helio_calib::{Mount, Observation, Parameters};
-/// # use helio_core::{Enu, EnuUnit, MountAxes, Sag, TargetPlane, TrackingMode};
+/// # use helio_core::{Enu, EnuUnit, MountAxes, PoseErrors, TargetPlane, TrackingMode};
 /// use helio_calib::diagnosis::{CalibrateOptions, Context, calibrate};
 /// # let north = EnuUnit::try_new(Enu::new(0.0, 1.0, 0.0))?;
 /// # let mount = Mount {
 /// #     axes: MountAxes::of(TrackingMode::AzimuthElevation, north),
 /// #     pivot: Enu::new(0.0, 100.0, 0.0),
 /// #     mirror_offset_m: 0.0,
-/// #     sag: Sag::NONE,
+/// #     pose_errors: PoseErrors::NONE,
 /// # };
 /// let records: Vec<Observation> = Vec::new();
 /// let answer = calibrate(&mount, &records, &Context::default(), &CalibrateOptions::default())?;

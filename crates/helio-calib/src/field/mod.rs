@@ -100,7 +100,7 @@ pub struct FieldFit {
 /// The same optimum as [`fit`](crate::fit()) finds with [`Loss::Squares`](crate::Loss::Squares) and components,
 /// to 1e-9 rad, for a small part of the time: eight heliostats go through the formula side by side, with the
 /// six by six normal equations solved there. Heliostats that this is not fit for (normal equations that are
-/// nearly singular, beams that miss, no end in sight, or mounts that sag) go through [`fit`](crate::fit()) itself. The time is
+/// nearly singular, beams that miss, no end in sight, or mounts with pose errors) go through [`fit`](crate::fit()) itself. The time is
 /// linear in observations and heliostats. Neither threads nor instruction set nor a heliostat's neighbours
 /// change a bit of its answer.
 ///
@@ -248,8 +248,8 @@ impl Field<'_> {
                 };
                 run(self.level, job);
                 for (lane, &k) in members[..long].iter().enumerate() {
-                    // the lanes' formula knows no sag
-                    let fit_for = for_lanes[lane] && chosen[lane].mount.sag.is_none();
+                    // the lanes' formula knows no pose errors
+                    let fit_for = for_lanes[lane] && chosen[lane].mount.pose_errors.is_none();
                     let lanes = fit_for.then(|| self.answer(&answers, lane, chosen[lane]));
                     let answer = match lanes.flatten() {
                         Some(fit) if fit.iterations < SLOW_ITERATIONS => Ok(fit),

@@ -6,6 +6,11 @@
 //! the common unknowns from the Schur complement of each heliostat's records, noise, wander and distribution
 //! from their likelihood over the field, causes by what the whole field says for them.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "triangles of matrices are written by their indices"
+)]
+
 mod belief;
 mod common;
 mod follow;
@@ -14,6 +19,7 @@ mod hyper;
 mod hypotheses;
 mod parts;
 mod rows;
+pub mod simulate;
 mod terms;
 
 use rayon::prelude::*;
@@ -201,7 +207,7 @@ impl<'a> Work<'a> {
         options: &'a JointOptions,
     ) -> Result<Self, CalibrationError> {
         let latitude = options.site_latitude_rad;
-        if !(latitude.abs() <= core::f64::consts::FRAC_PI_2) {
+        if latitude.is_nan() || latitude.abs() > core::f64::consts::FRAC_PI_2 {
             return Err(CalibrationError::BadOption {
                 what: "site_latitude_rad",
                 wanted: "within ±π/2",

@@ -130,7 +130,7 @@ pub(super) fn linearise<T: Number>(
         turned.axis1 = turned_on(sighting.axis1, turn[0]);
         turned.axis2 = turned_on(sighting.axis2, turn[1]);
     }
-    turned.sag = None;
+    turned.pose_errors = None;
     let land = landing(&pose, &turned);
     let across = |v: [T; 2]| {
         prepared

@@ -91,21 +91,21 @@ macro_rules! axis_causes {
 }
 
 axis_causes! {
-    /// Sag of the first axis under the mirror's weight, [`helio_core::Sag::axis1_rad`].
+    /// Sag of the first axis under the mirror's weight, [`helio_core::PoseErrors::axis1_sag_rad`].
     Axis1Sag {
         name: "axis1_sag_rad",
         in_words: "sag of axis 1",
         unit: "rad",
-        scope: Scope::Heliostat,
+        scope: Scope::Field,
         expected: 5e-3,
         expected_spread: 0.0,
     } |pose| [torque(pose.up, pose.axis1, pose.axis2)[0], T::splat(0.0)];
-    /// Sag of the second axis under the mirror's weight, [`helio_core::Sag::axis2_rad`].
+    /// Sag of the second axis under the mirror's weight, [`helio_core::PoseErrors::axis2_sag_rad`].
     Axis2Sag {
         name: "axis2_sag_rad",
         in_words: "sag of axis 2",
         unit: "rad",
-        scope: Scope::Heliostat,
+        scope: Scope::Field,
         expected: 5e-3,
         expected_spread: 0.0,
     } |pose| [T::splat(0.0), torque(pose.up, pose.axis1, pose.axis2)[1]];

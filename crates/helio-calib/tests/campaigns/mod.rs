@@ -8,7 +8,7 @@ use helio_calib::random::Random;
 use helio_calib::simulate::{Aiming, ErrorSpread, SimulateOptions, Simulated, simulate};
 use helio_calib::{Mount, Observation, Parameters};
 use helio_core::sun::SunSite;
-use helio_core::{Enu, EnuUnit, MountAxes, Sag, TargetPlane, TrackingMode};
+use helio_core::{Enu, EnuUnit, MountAxes, PoseErrors, TargetPlane, TrackingMode};
 
 pub const DAY_NS: i64 = 86_400_000_000_000;
 
@@ -54,7 +54,7 @@ impl Heliostat {
                 axes: MountAxes::of(mode, EnuUnit::UP),
                 pivot,
                 mirror_offset_m,
-                sag: Sag::NONE,
+                pose_errors: PoseErrors::NONE,
             },
             truth,
             targets: [

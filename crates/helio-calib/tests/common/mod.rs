@@ -7,7 +7,7 @@
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use helio_calib::{Mount, Observation, Parameters};
-use helio_core::{Enu, EnuUnit, MountAxes, MountErrors, Sag, TargetPlane, TrackingMode};
+use helio_core::{Enu, EnuUnit, MountAxes, MountErrors, PoseErrors, TargetPlane, TrackingMode};
 
 /// splitmix64 (Steele, Lea, Flood 2014).
 pub struct Rng(u64);
@@ -74,7 +74,7 @@ pub fn place(rng: &mut Rng, mode: TrackingMode) -> Place {
             axes: MountAxes::of(mode, to_centre),
             pivot,
             mirror_offset_m: rng.range(0.1, 0.4),
-            sag: Sag::NONE,
+            pose_errors: PoseErrors::NONE,
         },
         plane,
     }
@@ -177,8 +177,9 @@ pub fn observe(
     };
     let gain1 = 0.5 * (height(gamma + FRAC_PI_2, alpha) - height(gamma - FRAC_PI_2, alpha));
     let gain2 = height(gamma, alpha + FRAC_PI_2);
-    let axis1 = axis1 + mount.sag.axis1_rad * gain1;
-    let axis2 = axis2 + mount.sag.axis2_rad * gain2;
+    let axis1 = axis1 + mount.pose_errors.axis1_sag_rad * gain1;
+    let eccentricity = mount.pose_errors.axis2_eccentricity_rad * alpha.sin();
+    let axis2 = axis2 + mount.pose_errors.axis2_sag_rad * gain2 - eccentricity;
     Some(Observation::new(sun, axis1, axis2, *plane, u, v))
 }
 

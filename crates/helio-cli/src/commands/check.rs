@@ -170,7 +170,7 @@ fn describe(loaded: &LoadedField, report: &mut Report) {
         format_args!("{:.4} m", span(|h| h.mirror_offset_m)),
     );
     describe_errors(loaded, report);
-    describe_sag(loaded, report);
+    describe_pose_errors(loaded, report);
     describe_limits(loaded, report);
     let driven = |axis: usize| loaded.drives.iter().filter(|d| d[axis].is_some()).count();
     if loaded.has_drives() {
@@ -218,20 +218,21 @@ fn describe_errors(loaded: &LoadedField, report: &mut Report) {
     }
 }
 
-/// Nothing where no axis sags.
-fn describe_sag(loaded: &LoadedField, report: &mut Report) {
+/// Nothing where there are none.
+fn describe_pose_errors(loaded: &LoadedField, report: &mut Report) {
     let heliostats = loaded.field.heliostats();
     let mut first = true;
     for (name, of) in [
         (
             "axis1_sag",
-            (|s| s.axis1_rad) as fn(&helio_core::Sag) -> f64,
+            (|s| s.axis1_sag_rad) as fn(&helio_core::PoseErrors) -> f64,
         ),
-        ("axis2_sag", |s| s.axis2_rad),
+        ("axis2_sag", |s| s.axis2_sag_rad),
+        ("axis2_eccentricity", |s| s.axis2_eccentricity_rad),
     ] {
-        let span = Span::of(heliostats.iter().map(|h| degrees(of(&h.sag))));
+        let span = Span::of(heliostats.iter().map(|h| degrees(of(&h.pose_errors))));
         if span.0 != 0.0 || span.1 != 0.0 {
-            let label = if first { "sag" } else { "" };
+            let label = if first { "pose errors" } else { "" };
             report.line(label, format_args!("{name} {span:.4}°"));
             first = false;
         }

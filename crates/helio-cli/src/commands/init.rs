@@ -124,6 +124,7 @@ mirror_offset_m = 0.3           # from the crossing of the axes to the mirror's 
 # elevation_reference_deg = 0.0
 # axis1_sag_deg = 0.0           # how far an axis gives way where the mirror pulls it round hardest
 # axis2_sag_deg = 0.0
+# axis2_eccentricity_deg = 0.0  # how far axis 2 turns beyond its encoder a quarter turn from its zero
 
 # How far the axes turn, on encoder angles.
 axis1_min_deg = -90.0

@@ -338,11 +338,9 @@ impl<'a> Campaign<'a> {
             .map(|&row| {
                 let id = &self.loaded.field.ids()[row];
                 let heliostat = &self.loaded.field.heliostats()[row];
-                let sag = (!heliostat.sag.is_none()).then_some(heliostat.sag);
                 CalibratedSet {
                     errors: Some(self.errors(row)),
-                    axis1_sag_rad: sag.map(|sag| sag.axis1_rad),
-                    axis2_sag_rad: sag.map(|sag| sag.axis2_rad),
+                    pose_errors_rad: CalibratedSet::stated(heliostat.pose_errors),
                     mirror_offset_m: Some(heliostat.mirror_offset_m),
                     ..CalibratedSet::without_result(id, "truth", "")
                 }

@@ -113,31 +113,38 @@ impl MountErrors {
     }
 }
 
-/// Sag of either axis under gravity: how far a mirror that pulls an axis round as hard as it can turns
-/// beyond what its encoder says \[rad\], kappa. None by default.
+/// What stands between an axis' true angle and its encoder's beyond the reference, and changes with the
+/// pose: sag of either axis under gravity, and eccentricity of the second axis' encoder. None by
+/// default.
 ///
-/// A mirror whose centre of mass lies before the axes (toward its normal) hangs on them, and structure
-/// and drive give way in proportion to its torque. With g the world's up along the nominal
-/// [`MountAxes`], g = (axis1.up, axis2.up, axis3.up), and gamma, alpha the *true* (loaded) angles of
-/// the first and second axis,
+/// **Sag.** A mirror whose centre of mass lies before the axes (toward its normal) hangs on them, and
+/// structure and drive give way in proportion to its torque; kappa is how far where it pulls an
+/// axis round as hard as it can. Positive kappa sinks the mirror; negative stands for a counterweight
+/// too heavy. The first axis of an azimuth-elevation mount, being upright, has no sag; its second
+/// bends as a telescope's tube does, by -kappa2 cos(alpha).
+///
+/// **Eccentricity.** An encoder's disc off its axis, or a linear drive whose ratio is slightly off,
+/// errs once per turn; e is how far the second axis turns too far where it stands square to its zero.
+///
+/// With g the world's up along the nominal [`MountAxes`], g = (axis1.up, axis2.up, axis3.up), and
+/// gamma, alpha the *true* angles of the first and second axis,
 ///
 /// ```text
 /// up = cos(alpha) (cos(gamma) g1 + sin(gamma) g2) + sin(alpha) g3      how far up the normal points
 /// sag1 = -kappa1 d(up)/d(gamma) = kappa1 cos(alpha) (sin(gamma) g1 - cos(gamma) g2)
 /// sag2 = -kappa2 d(up)/d(alpha) = kappa2 (sin(alpha) (cos(gamma) g1 + sin(gamma) g2) - cos(alpha) g3)
-/// gamma = encoder1 - gamma0 + sag1,  alpha = encoder2 - alpha0 + sag2
+/// gamma = encoder1 - gamma0 + sag1
+/// alpha = encoder2 - alpha0 + sag2 + e sin(alpha)
 /// ```
 ///
-/// Positive kappa sinks the mirror; negative stands for a counterweight too heavy. The torque is that
-/// of the loaded pose, so that encoder angles follow from a normal in closed form, and only the normal
-/// for encoder angles has to be solved for. The first axis of an azimuth-elevation mount, being
-/// upright, has no sag; its second bends as a telescope's tube does, by -kappa2 cos(alpha).
+/// All are those of the true (for the sag: loaded) pose, so that encoder angles follow from a normal in
+/// closed form, and only the normal for encoder angles has to be solved for.
 ///
 /// ```
-/// use helio_core::{Enu, Field, Heliostat, OffsetForm, Sag, Tracker, TrackingMode};
+/// use helio_core::{Enu, Field, Heliostat, OffsetForm, PoseErrors, Tracker, TrackingMode};
 /// let mut field = Field::new(TrackingMode::AzimuthElevation);
 /// let mut heliostat = Heliostat::new(Enu::default(), Enu::new(0.0, 90.0, 0.0));
-/// heliostat.sag = Sag { axis2_rad: 0.004, ..Sag::NONE };
+/// heliostat.pose_errors = PoseErrors { axis2_sag_rad: 0.004, ..PoseErrors::NONE };
 /// field.push("A1", heliostat)?;
 /// let tracker = Tracker::new(&field, OffsetForm::Exact)?;
 /// // Its encoder says level, but the mirror looks 4 mrad down.
@@ -146,28 +153,57 @@ impl MountErrors {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Sag {
+pub struct PoseErrors {
     /// Most that the first axis sags \[rad\], kappa1; magnitude at most [`MAX_RAD`](Self::MAX_RAD).
-    pub axis1_rad: f64,
+    pub axis1_sag_rad: f64,
     /// Most that the second axis sags \[rad\], kappa2; magnitude at most [`MAX_RAD`](Self::MAX_RAD).
-    pub axis2_rad: f64,
+    pub axis2_sag_rad: f64,
+    /// How far the second axis turns beyond its encoder at alpha = 90° \[rad\], e; magnitude at most
+    /// [`MAX_RAD`](Self::MAX_RAD).
+    pub axis2_eccentricity_rad: f64,
 }
 
-impl Sag {
-    /// A stiff mount.
+impl PoseErrors {
+    /// A stiff mount with centred encoders.
     pub const NONE: Self = Self {
-        axis1_rad: 0.0,
-        axis2_rad: 0.0,
+        axis1_sag_rad: 0.0,
+        axis2_sag_rad: 0.0,
+        axis2_eccentricity_rad: 0.0,
     };
 
-    /// Largest magnitude of either that a heliostat may have \[rad\]: some ten times what is found on
+    /// Largest magnitude of each that a heliostat may have \[rad\]: some ten times what is found on
     /// real ones.
     pub const MAX_RAD: f64 = 0.05;
 
-    /// True if neither axis sags.
+    /// True if there are none.
     #[must_use]
     pub fn is_none(&self) -> bool {
         *self == Self::NONE
+    }
+
+    /// From the three \[rad\] in the order of the fields.
+    #[must_use]
+    pub const fn from_array([axis1_sag, axis2_sag, axis2_eccentricity]: [f64; 3]) -> Self {
+        Self {
+            axis1_sag_rad: axis1_sag,
+            axis2_sag_rad: axis2_sag,
+            axis2_eccentricity_rad: axis2_eccentricity,
+        }
+    }
+
+    /// The three \[rad\] in the order of the fields.
+    #[must_use]
+    pub const fn to_array(&self) -> [f64; 3] {
+        [
+            self.axis1_sag_rad,
+            self.axis2_sag_rad,
+            self.axis2_eccentricity_rad,
+        ]
+    }
+
+    /// What the second axis may turn by at most \[rad\].
+    pub(crate) fn axis2_most_rad(&self) -> f64 {
+        self.axis2_sag_rad.abs() + self.axis2_eccentricity_rad.abs()
     }
 }
 

@@ -5,7 +5,7 @@ use core::f64::consts::{PI, TAU};
 
 use super::kernel::limits::{AxisRange, Limits};
 use super::kernel::normal::MAX_SERIES_RATIO;
-use super::kernel::sag;
+use super::kernel::pose_errors;
 use crate::field::Field;
 use crate::frame::{Enu, EnuUnit};
 use crate::lanes::{BLOCK, Columns};
@@ -61,7 +61,7 @@ pub(crate) struct Prepared {
     pub constants: Vec<Columns<{ column::COUNT }>>,
     pub base: Base,
     /// Of every heliostat if one has any, else empty. Limits are then kept per heliostat.
-    pub sags: Vec<Columns<{ sag::COUNT }>>,
+    pub pose_errors: Vec<Columns<{ pose_errors::COUNT }>>,
     pub limits: Limits,
     /// To the last digit, for the rows that are not plainly ok.
     pub ranges: Vec<[AxisRange<f64>; 2]>,
@@ -89,9 +89,8 @@ impl Prepared {
             mode => Some(MountAxes::of(mode, EnuUnit::UP)),
         };
         let mut ranges = Vec::with_capacity(len);
-        let sagging = field.heliostats().iter().any(|h| !h.sag.is_none());
-        let mut sags =
-            alloc::vec![Columns([[0.0; BLOCK]; sag::COUNT]); if sagging { blocks } else { 0 }];
+        let any_pose_error = field.heliostats().iter().any(|h| !h.pose_errors.is_none());
+        let mut pose_errors = alloc::vec![Columns([[0.0; BLOCK]; pose_errors::COUNT]); if any_pose_error { blocks } else { 0 }];
         for (row, h) in field.heliostats().iter().enumerate() {
             let to_aim = h.aim - h.pivot;
             let slant_m = to_aim.norm();
@@ -130,7 +129,7 @@ impl Prepared {
             if range2.reach.is_finite() {
                 shift2 -= TAU * libm::rint((shift2 - range2.middle) / TAU);
                 // The fast path does not wrap the second axis: it has the rows that need none.
-                fast &= (shift2 - range2.middle).abs() <= PI / 2.0 - h.sag.axis2_rad.abs();
+                fast &= (shift2 - range2.middle).abs() <= PI / 2.0 - h.pose_errors.axis2_most_rad();
             }
             let (sin_tilt, cos_tilt) = libm::sincos(e.pedestal_tilt_rad);
             let tan_half_tilt = sin_tilt / (1.0 + cos_tilt);
@@ -156,8 +155,11 @@ impl Prepared {
             for (column, value) in block.iter_mut().zip(values) {
                 column[row % BLOCK] = value;
             }
-            if let Some(Columns(block)) = sags.get_mut(row / BLOCK) {
-                for (column, value) in block.iter_mut().zip(sag::constants(h.sag, &mount)) {
+            if let Some(Columns(block)) = pose_errors.get_mut(row / BLOCK) {
+                for (column, value) in block
+                    .iter_mut()
+                    .zip(pose_errors::constants(h.pose_errors, &mount))
+                {
                     column[row % BLOCK] = value;
                 }
             }
@@ -170,8 +172,8 @@ impl Prepared {
                 if !axes.is_empty() {
                     repeat_row(&mut axes, last, row);
                 }
-                if sagging {
-                    repeat_row(&mut sags, last, row);
+                if any_pose_error {
+                    repeat_row(&mut pose_errors, last, row);
                 }
             }
         }
@@ -180,8 +182,8 @@ impl Prepared {
             len,
             constants,
             base: shared.map_or(Base::PerHeliostat(axes), Base::Shared),
-            sags,
-            limits: Limits::new(unlimited, sagging, &ranges, blocks),
+            pose_errors,
+            limits: Limits::new(unlimited, any_pose_error, &ranges, blocks),
             ranges,
             references: field
                 .heliostats()

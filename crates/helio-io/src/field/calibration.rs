@@ -6,10 +6,10 @@ use std::ops::Range;
 
 use helio_core::angle::{radians, wrap_pi};
 use helio_core::error::FieldError;
-use helio_core::{Field, Heliostat, MountErrors, Sag};
+use helio_core::{Field, Heliostat, MountErrors, PoseErrors};
 
 use super::layout::shown;
-use crate::calibrated::CalibratedSet;
+use crate::calibrated::{CalibratedSet, pose_errors_over};
 use crate::error::{IoError, Place, Problem, quoted};
 use crate::keys::{self, Key};
 use crate::table::{Keyed, Naming, Table};
@@ -55,7 +55,7 @@ pub(crate) fn ignored(name: &str) -> bool {
 struct Set {
     name: String,
     errors: MountErrors,
-    sag: Sag,
+    pose_errors: PoseErrors,
     mirror_offset_m: f64,
     /// Times \[ns\], the end excluded.
     valid: Range<i64>,
@@ -74,10 +74,7 @@ impl Set {
         Some(Self {
             name: set.set.clone(),
             errors: set.errors?,
-            sag: Sag {
-                axis1_rad: set.axis1_sag_rad.unwrap_or(base.sag.axis1_rad),
-                axis2_rad: set.axis2_sag_rad.unwrap_or(base.sag.axis2_rad),
-            },
+            pose_errors: set.pose_errors(base.pose_errors),
             mirror_offset_m: set.mirror_offset_m.unwrap_or(base.mirror_offset_m),
             valid: begin.unwrap_or(i64::MIN)..end.unwrap_or(i64::MAX),
             from_rad: from.unwrap_or(-PI),
@@ -89,7 +86,7 @@ impl Set {
     fn apply(&self, base: Heliostat) -> Heliostat {
         Heliostat {
             errors: self.errors,
-            sag: self.sag,
+            pose_errors: self.pose_errors,
             mirror_offset_m: self.mirror_offset_m,
             ..base
         }
@@ -120,14 +117,12 @@ impl Set {
             azimuth_reference_rad: turn(a.azimuth_reference_rad, b.azimuth_reference_rad),
             elevation_reference_rad: turn(a.elevation_reference_rad, b.elevation_reference_rad),
         };
-        let sag = Sag {
-            axis1_rad: mix(self.sag.axis1_rad, other.sag.axis1_rad),
-            axis2_rad: mix(self.sag.axis2_rad, other.sag.axis2_rad),
-        };
+        let (from, to) = (self.pose_errors.to_array(), other.pose_errors.to_array());
+        let pose_errors = PoseErrors::from_array(std::array::from_fn(|k| mix(from[k], to[k])));
         let mirror_offset_m = mix(self.mirror_offset_m, other.mirror_offset_m);
         Heliostat {
             errors,
-            sag,
+            pose_errors,
             mirror_offset_m,
             ..base
         }
@@ -338,7 +333,11 @@ pub(super) fn apply(
         ..Naming::default()
     };
     let table = Keyed::new(table, keys::CALIBRATION_COLUMNS, &naming)?;
-    if !ERRORS.iter().chain(&SAGS).any(|key| table.has(key)) {
+    if !ERRORS
+        .iter()
+        .chain(&keys::POSE_ERRORS)
+        .any(|key| table.has(key))
+    {
         let message = format!(
             "it has none of the columns {}",
             ERRORS.map(|key| key.name).join(", ")
@@ -462,9 +461,6 @@ const ERRORS: [&Key; 6] = [
     &keys::ELEVATION_REFERENCE,
 ];
 
-/// The sags, which may be absent: the layout's then hold.
-const SAGS: [&Key; 2] = [&keys::AXIS1_SAG, &keys::AXIS2_SAG];
-
 /// A row; `None` if it has no number, as where a fit failed.
 fn read(table: &Keyed, row: usize, id: &str, base: Heliostat) -> Result<Option<Set>, IoError> {
     let name = table
@@ -478,8 +474,8 @@ fn read(table: &Keyed, row: usize, id: &str, base: Heliostat) -> Result<Option<S
     for (slot, key) in stated.iter_mut().zip(ERRORS) {
         *slot = table.number(row, key, Some(id))?.map(radians);
     }
-    let mut sags = [None; 2];
-    for (slot, key) in sags.iter_mut().zip(SAGS) {
+    let mut pose_errors = [None; 3];
+    for (slot, key) in pose_errors.iter_mut().zip(keys::POSE_ERRORS) {
         *slot = table.number(row, key, Some(id))?.map(radians);
     }
     let offset = table.number(row, &keys::MIRROR_OFFSET, Some(id))?;
@@ -513,7 +509,7 @@ fn read(table: &Keyed, row: usize, id: &str, base: Heliostat) -> Result<Option<S
         };
         return Err(table.error(row, key, Some(id), Problem::Conflict { message }));
     }
-    if stated.iter().chain(&sags).all(Option::is_none) && offset.is_none() {
+    if stated.iter().chain(&pose_errors).all(Option::is_none) && offset.is_none() {
         return Ok(None);
     }
     let [tilt, tilt_azimuth, skew, mirror, reference1, reference2] = stated;
@@ -529,10 +525,7 @@ fn read(table: &Keyed, row: usize, id: &str, base: Heliostat) -> Result<Option<S
     Ok(Some(Set {
         name,
         errors,
-        sag: Sag {
-            axis1_rad: sags[0].unwrap_or(base.sag.axis1_rad),
-            axis2_rad: sags[1].unwrap_or(base.sag.axis2_rad),
-        },
+        pose_errors: pose_errors_over(pose_errors, base.pose_errors),
         mirror_offset_m: offset.unwrap_or(base.mirror_offset_m),
         valid: from.unwrap_or(i64::MIN)..to.unwrap_or(i64::MAX),
         from_rad: radians(hour_angle_from),
@@ -615,7 +608,7 @@ mod tests {
         Set {
             name: name.into(),
             errors,
-            sag: Sag::NONE,
+            pose_errors: PoseErrors::NONE,
             mirror_offset_m: 0.1,
             valid,
             from_rad: radians(hours_deg.0),

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use helio_core::angle::{degrees, radians};
-use helio_core::{AxisLimits, Enu, Heliostat, MountErrors, Sag};
+use helio_core::{AxisLimits, Enu, Heliostat, MountErrors, PoseErrors};
 
 use crate::error::{IoError, Problem};
 use crate::keys;
@@ -13,7 +13,7 @@ use crate::toml::Section;
 /// What a heliostat may have of its own or by default, in the order of [`keys::QUANTITIES`] and in
 /// the unit of its key; `None` where nothing is stated.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Quantities([Option<f64>; 13]);
+pub(super) struct Quantities([Option<f64>; 14]);
 
 impl Quantities {
     /// The defaults for all.
@@ -69,6 +69,7 @@ impl Quantities {
             reference2,
             sag1,
             sag2,
+            eccentricity,
             limits @ ..,
         ] = self.0;
         let rad = |value: Option<f64>| radians(value.unwrap_or(0.0));
@@ -85,9 +86,10 @@ impl Quantities {
                 azimuth_reference_rad: rad(reference1),
                 elevation_reference_rad: rad(reference2),
             },
-            sag: Sag {
-                axis1_rad: rad(sag1),
-                axis2_rad: rad(sag2),
+            pose_errors: PoseErrors {
+                axis1_sag_rad: rad(sag1),
+                axis2_sag_rad: rad(sag2),
+                axis2_eccentricity_rad: rad(eccentricity),
             },
             limits: AxisLimits {
                 axis1_min_rad: limit(limits[0], f64::NEG_INFINITY),

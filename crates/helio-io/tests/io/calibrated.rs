@@ -52,7 +52,11 @@ fn set(id: &str, next: &mut impl FnMut() -> f64) -> CalibratedSet {
     }
     CalibratedSet {
         errors: Some(errors_as_written(&errors(next))),
-        axis2_sag_rad: Some(radians(degrees_for(0.01 * next()))),
+        pose_errors_rad: [
+            None,
+            Some(radians(degrees_for(0.01 * next()))),
+            Some(radians(degrees_for(-0.01 * next()))),
+        ],
         mirror_offset_m: Some(0.1 + next()),
         sigmas: [0; 7].map(|_| 1e-4 * next()),
         covariance: Some(covariance),
@@ -82,17 +86,14 @@ fn what_is_written_is_read_back_as_the_same_doubles() {
         for (heliostat, set) in loaded.field.heliostats().iter().zip(&sets) {
             assert_eq!(bits(&heliostat.errors), bits(set.errors.as_ref().unwrap()));
             assert_eq!(Some(heliostat.mirror_offset_m), set.mirror_offset_m);
-            assert_eq!(Some(heliostat.sag.axis2_rad), set.axis2_sag_rad);
-            assert_eq!(heliostat.sag.axis1_rad, 0.0);
+            let stated = set.pose_errors_rad.map(|error| error.unwrap_or(0.0));
+            assert_eq!(heliostat.pose_errors.to_array(), stated);
         }
         let again = load_calibration(&folder.path(name)).unwrap();
         for (again, set) in again.iter().zip(&sets) {
             assert_eq!(again.errors, set.errors);
             assert_eq!(again.covariance, set.covariance);
-            assert_eq!(
-                (again.axis1_sag_rad, again.axis2_sag_rad),
-                (None, set.axis2_sag_rad)
-            );
+            assert_eq!(again.pose_errors_rad, set.pose_errors_rad);
             assert_eq!(
                 (
                     &again.id,

@@ -85,13 +85,13 @@ fn byte_order_marks_blanks_and_line_ends_do_not_matter() {
 fn columns_override_defaults_and_empty_cells_do_not() {
     let layout = "id,east_m,north_m,up_m,mirror_offset_m,pedestal_tilt_deg,pedestal_tilt_azimuth_deg,\
         axis_nonorthogonality_deg,mirror_tilt_deg,azimuth_reference_deg,elevation_reference_deg,\
-        axis1_sag_deg,axis2_sag_deg,axis1_min_deg,axis1_max_deg,axis2_min_deg,axis2_max_deg,aim,aim_east_m,aim_north_m,aim_up_m\n\
-        A1,1,2,3,,,,,,,,,,,,,,,,,\n\
-        A2,1,2,3,0.5,1,2,3,4,5,6,0.7,-0.8,-400,400,-10,100,white,,,\n\
-        A3,1,2,3,,,,,,,,,,,,,,,7,8,9\n";
+        axis1_sag_deg,axis2_sag_deg,axis2_eccentricity_deg,axis1_min_deg,axis1_max_deg,axis2_min_deg,axis2_max_deg,aim,aim_east_m,aim_north_m,aim_up_m\n\
+        A1,1,2,3,,,,,,,,,,,,,,,,,,\n\
+        A2,1,2,3,0.5,1,2,3,4,5,6,0.7,-0.8,-0.9,-400,400,-10,100,white,,,\n\
+        A3,1,2,3,,,,,,,,,,,,,,,,7,8,9\n";
     let defaults = "pedestal_tilt_deg = 0.1\npedestal_tilt_azimuth_deg = 0.2\n\
         axis_nonorthogonality_deg = 0.3\nmirror_tilt_deg = 0.4\nazimuth_reference_deg = 0.5\n\
-        elevation_reference_deg = 0.6\naxis1_sag_deg = 0.01\naxis2_sag_deg = 0.02\naxis1_min_deg = -270\naxis1_max_deg = 270\n\
+        elevation_reference_deg = 0.6\naxis1_sag_deg = 0.01\naxis2_sag_deg = 0.02\naxis2_eccentricity_deg = 0.03\naxis1_min_deg = -270\naxis1_max_deg = 270\n\
         axis2_min_deg = 0\naxis2_max_deg = 90\n";
     let loaded = Folder::of_field()
         .with("layout.csv", layout)
@@ -100,7 +100,7 @@ fn columns_override_defaults_and_empty_cells_do_not() {
         .unwrap();
     let all = |row: usize| {
         let h = loaded.field.heliostats()[row];
-        let (e, s, l) = (h.errors, h.sag, h.limits);
+        let (e, s, l) = (h.errors, h.pose_errors, h.limits);
         [
             e.pedestal_tilt_rad,
             e.pedestal_tilt_azimuth_rad,
@@ -108,8 +108,9 @@ fn columns_override_defaults_and_empty_cells_do_not() {
             e.mirror_tilt_rad,
             e.azimuth_reference_rad,
             e.elevation_reference_rad,
-            s.axis1_rad,
-            s.axis2_rad,
+            s.axis1_sag_rad,
+            s.axis2_sag_rad,
+            s.axis2_eccentricity_rad,
             l.axis1_min_rad,
             l.axis1_max_rad,
             l.axis2_min_rad,
@@ -119,14 +120,14 @@ fn columns_override_defaults_and_empty_cells_do_not() {
     assert_eq!(
         all(0),
         [
-            0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.01, 0.02, -270.0, 270.0, 0.0, 90.0
+            0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.01, 0.02, 0.03, -270.0, 270.0, 0.0, 90.0
         ]
         .map(radians)
     );
     assert_eq!(
         all(1),
         [
-            1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 0.7, -0.8, -400.0, 400.0, -10.0, 100.0
+            1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 0.7, -0.8, -0.9, -400.0, 400.0, -10.0, 100.0
         ]
         .map(radians)
     );
@@ -307,23 +308,32 @@ fn drives_from_a_table_fall_back_cell_by_cell() {
 }
 
 #[test]
-fn a_calibrated_sag_overrides_the_layouts_and_an_absent_one_leaves_it() {
+fn a_calibrated_pose_error_overrides_the_layouts_and_an_absent_one_leaves_it() {
     let of = |table: &str| {
         let loaded = Folder::of_field()
             .edited(&[], "axis2_sag_deg = 0.2\ncalibration = \"cal.csv\"\n")
             .with("cal.csv", table)
             .load()
             .unwrap();
-        let sags = loaded.field.heliostats().iter();
-        sags.map(|h| [h.sag.axis1_rad, h.sag.axis2_rad])
+        let heliostats = loaded.field.heliostats().iter();
+        heliostats
+            .map(|h| h.pose_errors.to_array())
             .collect::<Vec<_>>()
     };
-    let layout = [0.0, radians(0.2)];
-    // the column of axis 1 alone, a cell of it empty; a table of nothing but sags; none at all
+    let layout = [0.0, radians(0.2), 0.0];
+    // the column of axis 1 alone, a cell of it empty; tables of nothing else; none at all
     let both = "id,mirror_tilt_deg,axis1_sag_deg\nA1,0.1,-0.1\nA2,0.1,\n";
-    assert_eq!(of(both), [[radians(-0.1), radians(0.2)], layout, layout]);
+    assert_eq!(
+        of(both),
+        [[radians(-0.1), radians(0.2), 0.0], layout, layout]
+    );
     let alone = "id,axis2_sag_deg\nA1,0.3\n";
-    assert_eq!(of(alone), [[0.0, radians(0.3)], layout, layout]);
+    assert_eq!(of(alone), [[0.0, radians(0.3), 0.0], layout, layout]);
+    let alone = "id,axis2_eccentricity_deg\nA3,-0.4\n";
+    assert_eq!(
+        of(alone),
+        [layout, layout, [0.0, radians(0.2), radians(-0.4)]]
+    );
     assert_eq!(of("id,mirror_tilt_deg\nA1,0.1\n"), [layout; 3]);
 }
 

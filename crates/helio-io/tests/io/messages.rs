@@ -124,6 +124,11 @@ fn toml_keys_and_values() {
     m.toml("tilt out of range", &[], "pedestal_tilt_deg = 200\n");
     m.toml("mirror tilt out of range", &[], "mirror_tilt_deg = -85\n");
     m.toml("sag out of range", &[], "axis2_sag_deg = 3\n");
+    m.toml(
+        "eccentricity out of range",
+        &[],
+        "axis2_eccentricity_deg = -3\n",
+    );
     m.toml("NaN", &[("40.0", "nan")], "");
     m.toml("infinity", &[("1100", "-inf")], "");
     m.toml(

@@ -42,6 +42,7 @@ azimuth_reference_deg = 0.1
 elevation_reference_deg = 0.1
 axis1_sag_deg = 0.1
 axis2_sag_deg = 0.1
+axis2_eccentricity_deg = 0.1
 axis1_min_deg = -1000
 axis1_max_deg = 1000
 axis2_min_deg = -1000

@@ -58,12 +58,12 @@ pub(super) fn figure(section: &HeliostatSection) -> Option<String> {
     ))
 }
 
-fn matrix(canvas: &mut Canvas, left: f64, top: f64, epoch: &EpochSection) {
+pub(crate) fn matrix(canvas: &mut Canvas, left: f64, top: f64, epoch: &EpochSection) {
     let names: Vec<String> = epoch
         .correlation_names
         .iter()
         .enumerate()
-        .map(|(i, name)| shortened(&format!("{} {name}", i + 1)))
+        .map(|(i, name)| shortened(&format!("{} {name}", i + 1), MOST_LETTERS))
         .collect();
     let letters = names.iter().map(|n| n.chars().count()).max().unwrap_or(0);
     let left = left + 10.0 + 5.6 * letters as f64;
@@ -108,11 +108,11 @@ fn matrix(canvas: &mut Canvas, left: f64, top: f64, epoch: &EpochSection) {
     }
 }
 
-fn shortened(name: &str) -> String {
-    if name.chars().count() <= MOST_LETTERS {
+pub(crate) fn shortened(name: &str, most: usize) -> String {
+    if name.chars().count() <= most {
         return name.to_owned();
     }
-    let mut short: String = name.chars().take(MOST_LETTERS - 1).collect();
+    let mut short: String = name.chars().take(most - 1).collect();
     short.push('…');
     short
 }

@@ -36,7 +36,7 @@ fn first_of(year: i64, month: i64) -> i64 {
 }
 
 /// Such as "2022-06-10".
-pub(super) fn day(unix_ns: i64) -> String {
+pub(crate) fn day(unix_ns: i64) -> String {
     let (y, m, d) = civil(unix_ns.div_euclid(DAY));
     format!("{y:04}-{m:02}-{d:02}")
 }
@@ -48,12 +48,12 @@ fn clock(unix_ns: i64) -> String {
 }
 
 /// Such as "2022-06-10 12:15".
-pub(super) fn minute(unix_ns: i64) -> String {
+pub(crate) fn minute(unix_ns: i64) -> String {
     format!("{} {}", day(unix_ns), clock(unix_ns))
 }
 
 /// Round times within a range with their labels, at most nine or so, and what the axis shows.
-pub(super) fn ticks(from: i64, to: i64) -> (Vec<(i64, String)>, String) {
+pub(crate) fn ticks(from: i64, to: i64) -> (Vec<(i64, String)>, String) {
     let span_s = (to as f64 - from as f64) / SECOND as f64;
     if span_s <= 2.0 * 86_400.0 {
         let steps = [60, 300, 900, 1800, 3600, 7200, 10_800, 21_600];

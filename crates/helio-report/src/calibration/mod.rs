@@ -6,13 +6,13 @@
 //! never drawn. A page of a large field holds sections of few heliostats: [`most_in_need`] chooses
 //! them, and the page says how many it left out.
 
-mod correlation;
-mod dates;
+pub(crate) mod correlation;
+pub(crate) mod dates;
 mod heliostat;
 mod overview;
-mod page;
+pub(crate) mod page;
 mod parameters;
-mod plot;
+pub(crate) mod plot;
 mod residuals;
 mod target;
 

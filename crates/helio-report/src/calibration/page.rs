@@ -31,7 +31,7 @@ svg path{fill:none;stroke:var(--ink)}svg .grid{stroke:var(--grid)}svg .axis{stro
 svg .frame{fill:none;stroke:var(--line)}svg .cell{fill:var(--grid)}\
 svg .arrow{stroke-width:1.2;stroke-linejoin:round;stroke-opacity:.8}svg .bar{stroke-width:1.6}\
 svg .outline{fill:none;stroke-dasharray:5 4;stroke-opacity:.8}svg .open{fill:var(--paper)}\
-svg .bound{stroke:var(--bad);stroke-dasharray:4 3}svg .bad{stroke:var(--bad);stroke-width:1.4}\
+svg .jump{stroke-dasharray:4 3;stroke-width:1.4}svg .bound{stroke:var(--bad);stroke-dasharray:4 3}svg .bad{stroke:var(--bad);stroke-width:1.4}\
 svg .was{stroke:var(--soft);stroke-width:2}svg .scale{stroke:var(--ink);stroke-width:3}\
 svg .tower{fill:var(--paper);stroke-width:1.5}\
 svg .dots{stroke-linecap:round}svg .squares{stroke-linecap:square}\
@@ -41,15 +41,8 @@ svg .s4{stroke:var(--c4)}svg .s5{stroke:var(--c5)}svg .f0{fill:var(--c0)}svg .f1
 @media (max-width:700px){table{display:block;overflow-x:auto}}@media print{body{max-width:none;margin:0;font-size:11pt}figure,tr,h2,h3{break-inside:avoid}h2,h3{break-after:avoid}\
 section.heliostat{break-before:page}a{color:inherit;text-decoration:none}}";
 
-pub(super) fn html(page: &CalibrationPage) -> String {
-    let title = Escaped(&page.title);
-    let mut html = format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width\">\n\
-         <meta name=\"color-scheme\" content=\"light dark\">\n<title>{title}</title>\n\
-         <style>{STYLE}</style>\n</head>\n<body>\n<h1>{title}</h1>\n"
-    );
-    html.push_str(&facts(&page.facts));
+pub(crate) fn html(page: &CalibrationPage) -> String {
+    let mut html = facts(&page.facts);
     html.push_str(&verdicts(&page.field));
     if !page.findings.is_empty() {
         html.push_str("<h2>Findings</h2>\n");
@@ -64,20 +57,25 @@ pub(super) fn html(page: &CalibrationPage) -> String {
     for (number, section) in page.heliostats.iter().enumerate() {
         html.push_str(&heliostat::section(page, number, section));
     }
-    let made: Vec<&str> = [&*page.version, &*page.generated_utc]
-        .into_iter()
-        .filter(|text| !text.is_empty())
-        .collect();
-    let _ = write!(
-        html,
-        "<footer>{}</footer>\n</body>\n</html>\n",
+    document(&page.title, &html, [&page.version, &page.generated_utc])
+}
+
+/// A complete file around what a page holds; `made` says by what and when.
+pub(crate) fn document(title: &str, body: &str, made: [&str; 2]) -> String {
+    let title = Escaped(title);
+    let made: Vec<&str> = made.into_iter().filter(|text| !text.is_empty()).collect();
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width\">\n\
+         <meta name=\"color-scheme\" content=\"light dark\">\n<title>{title}</title>\n\
+         <style>{STYLE}</style>\n</head>\n<body>\n<h1>{title}</h1>\n{body}\
+         <footer>{}</footer>\n</body>\n</html>\n",
         Escaped(&made.join(", "))
-    );
-    html
+    )
 }
 
 /// A figure with its caption.
-pub(super) fn figure(svg: &str, caption: &str) -> String {
+pub(crate) fn figure(svg: &str, caption: &str) -> String {
     format!(
         "<figure>\n{svg}<figcaption>{}</figcaption>\n</figure>\n",
         Escaped(caption)
@@ -85,7 +83,7 @@ pub(super) fn figure(svg: &str, caption: &str) -> String {
 }
 
 /// One sentence as a paragraph, several as a list.
-pub(super) fn sentences(sentences: &[String]) -> String {
+pub(crate) fn sentences(sentences: &[String]) -> String {
     if let [one] = sentences {
         return format!("<p>{}</p>\n", Escaped(one));
     }
@@ -101,7 +99,7 @@ pub(super) fn sentences(sentences: &[String]) -> String {
     html
 }
 
-pub(super) fn facts(facts: &[(String, String)]) -> String {
+pub(crate) fn facts(facts: &[(String, String)]) -> String {
     let mut html = String::new();
     if facts.is_empty() {
         return html;
@@ -115,7 +113,7 @@ pub(super) fn facts(facts: &[(String, String)]) -> String {
     html
 }
 
-pub(super) fn badge(verdict: Verdict) -> String {
+pub(crate) fn badge(verdict: Verdict) -> String {
     let class = match verdict {
         Verdict::Determined => "good",
         Verdict::Undetermined => "warn",

@@ -6,19 +6,19 @@ use crate::svg::{Escaped, Short};
 use crate::ticks::{label, ticks};
 
 /// Width of every figure, in pixels of its own.
-pub(super) const WIDTH: f64 = 940.0;
+pub(crate) const WIDTH: f64 = 940.0;
 
 /// How many colours `s0`, `s1` … and `f0`, `f1` … the page has.
-pub(super) const COLOURS: usize = 6;
+pub(crate) const COLOURS: usize = 6;
 
 /// A drawing in the making.
-pub(super) struct Canvas {
+pub(crate) struct Canvas {
     height: f64,
     body: String,
 }
 
 impl Canvas {
-    pub(super) fn new(height: f64) -> Self {
+    pub(crate) fn new(height: f64) -> Self {
         Self {
             height,
             body: String::new(),
@@ -26,7 +26,7 @@ impl Canvas {
     }
 
     /// The drawing, with a title and a description for those who cannot see it.
-    pub(super) fn element(&self, title: &str, description: &str) -> String {
+    pub(crate) fn element(&self, title: &str, description: &str) -> String {
         let (w, h) = (Short(WIDTH), Short(self.height));
         format!(
             "<svg role=\"img\" width=\"{w}\" height=\"{h}\" viewBox=\"0 0 {w} {h}\">\
@@ -38,27 +38,27 @@ impl Canvas {
     }
 
     /// Adds markup as it is.
-    pub(super) fn raw(&mut self, markup: Arguments<'_>) {
+    pub(crate) fn raw(&mut self, markup: Arguments<'_>) {
         // Writing to a string cannot fail.
         let _ = writeln!(self.body, "{markup}");
     }
 
     /// Text; the class says where it is anchored: `e` end, `m` middle.
-    pub(super) fn text(&mut self, x: f64, y: f64, class: &str, text: &str) {
+    pub(crate) fn text(&mut self, x: f64, y: f64, class: &str, text: &str) {
         let (x, y, text) = (Short(x), Short(y), Escaped(text));
         self.raw(format_args!(
             "<text x=\"{x}\" y=\"{y}\" class=\"{class}\">{text}</text>"
         ));
     }
 
-    pub(super) fn line(&mut self, from: (f64, f64), to: (f64, f64), class: &str) {
+    pub(crate) fn line(&mut self, from: (f64, f64), to: (f64, f64), class: &str) {
         let (x1, y1, x2, y2) = (Short(from.0), Short(from.1), Short(to.0), Short(to.1));
         self.raw(format_args!(
             "<path d=\"M{x1} {y1}L{x2} {y2}\" class=\"{class}\"/>"
         ));
     }
 
-    pub(super) fn rect(&mut self, x: f64, y: f64, size: (f64, f64), more: Arguments<'_>) {
+    pub(crate) fn rect(&mut self, x: f64, y: f64, size: (f64, f64), more: Arguments<'_>) {
         let (x, y, w, h) = (Short(x), Short(y), Short(size.0), Short(size.1));
         self.raw(format_args!(
             "<rect x=\"{x}\" y=\"{y}\" width=\"{w}\" height=\"{h}\" {more}/>"
@@ -67,7 +67,7 @@ impl Canvas {
 
     /// Dots as one path of strokes of a tenth of a pixel, ten bytes a dot: printers leave out square
     /// ends of strokes without any length. `more` are attributes: a class with `dots`, a stroke.
-    pub(super) fn dots(&mut self, diameter: f64, dots: &[(f64, f64)], more: &str) {
+    pub(crate) fn dots(&mut self, diameter: f64, dots: &[(f64, f64)], more: &str) {
         if dots.is_empty() {
             return;
         }
@@ -85,7 +85,7 @@ impl Canvas {
     }
 
     /// Crosses as one path.
-    pub(super) fn crosses(&mut self, arm: f64, at: &[(f64, f64)], class: &str) {
+    pub(crate) fn crosses(&mut self, arm: f64, at: &[(f64, f64)], class: &str) {
         if at.is_empty() {
             return;
         }
@@ -99,7 +99,7 @@ impl Canvas {
     }
 
     /// Everything that `draw` adds is cut off outside a rectangle.
-    pub(super) fn clipped(&mut self, place: Place, draw: impl FnOnce(&mut Self)) {
+    pub(crate) fn clipped(&mut self, place: Place, draw: impl FnOnce(&mut Self)) {
         let Place {
             left,
             top,
@@ -115,7 +115,7 @@ impl Canvas {
     }
 
     /// A frame with a grid, numbers and names along both axes.
-    pub(super) fn frame(&mut self, place: Place, across: &Axis, up: &Axis) {
+    pub(crate) fn frame(&mut self, place: Place, across: &Axis, up: &Axis) {
         let Place {
             left,
             top,
@@ -147,7 +147,7 @@ impl Canvas {
     }
 
     /// Says in the middle of a place why nothing is drawn there.
-    pub(super) fn nothing(&mut self, place: Place, why: &str) {
+    pub(crate) fn nothing(&mut self, place: Place, why: &str) {
         let (x, y) = (
             place.left + place.width / 2.0,
             place.top + place.height / 2.0,
@@ -164,27 +164,27 @@ impl Canvas {
 
 /// A rectangle on the canvas.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Place {
-    pub(super) left: f64,
-    pub(super) top: f64,
-    pub(super) width: f64,
-    pub(super) height: f64,
+pub(crate) struct Place {
+    pub(crate) left: f64,
+    pub(crate) top: f64,
+    pub(crate) width: f64,
+    pub(crate) height: f64,
 }
 
 /// Numbers along a side of a frame.
 #[derive(Debug, Clone)]
-pub(super) struct Axis {
-    pub(super) min: f64,
-    pub(super) max: f64,
+pub(crate) struct Axis {
+    pub(crate) min: f64,
+    pub(crate) max: f64,
     /// Where `min` and `max` stand.
     ends: (f64, f64),
-    pub(super) name: String,
-    pub(super) marks: Vec<(f64, String)>,
+    pub(crate) name: String,
+    pub(crate) marks: Vec<(f64, String)>,
 }
 
 impl Axis {
     /// An axis from `min` to `max`, which must be finite and ascending.
-    pub(super) fn new(range: (f64, f64), ends: (f64, f64), name: &str, most: usize) -> Self {
+    pub(crate) fn new(range: (f64, f64), ends: (f64, f64), name: &str, most: usize) -> Self {
         let (min, max) = range;
         let at = ticks(min, max, most);
         let marks = at.iter().map(|&t| (t, label(t, &at))).collect();
@@ -197,23 +197,23 @@ impl Axis {
         }
     }
 
-    pub(super) fn pixel(&self, value: f64) -> f64 {
+    pub(crate) fn pixel(&self, value: f64) -> f64 {
         let part = (value - self.min) / (self.max - self.min);
         self.ends.0 + part * (self.ends.1 - self.ends.0)
     }
 
     /// The pixel of a value, or of the end that it lies beyond.
-    pub(super) fn pixel_inside(&self, value: f64) -> f64 {
+    pub(crate) fn pixel_inside(&self, value: f64) -> f64 {
         self.pixel(value.clamp(self.min, self.max))
     }
 
-    pub(super) fn contains(&self, value: f64) -> bool {
+    pub(crate) fn contains(&self, value: f64) -> bool {
         (self.min..=self.max).contains(&value)
     }
 }
 
 /// Least and greatest finite value with a margin, at least `least` apart; `None` where there is none.
-pub(super) fn range(
+pub(crate) fn range(
     values: impl IntoIterator<Item = f64>,
     margin: f64,
     least: f64,
@@ -233,7 +233,7 @@ pub(super) fn range(
 }
 
 /// A value below which this share of some finite values lie; `None` where there is none.
-pub(super) fn quantile(values: impl IntoIterator<Item = f64>, share: f64) -> Option<f64> {
+pub(crate) fn quantile(values: impl IntoIterator<Item = f64>, share: f64) -> Option<f64> {
     let mut finite: Vec<f64> = values.into_iter().filter(|v| v.is_finite()).collect();
     finite.sort_by(f64::total_cmp);
     let place = (share * finite.len().saturating_sub(1) as f64).round() as usize;
@@ -241,7 +241,7 @@ pub(super) fn quantile(values: impl IntoIterator<Item = f64>, share: f64) -> Opt
 }
 
 /// A number of milliradians for people: three figures or so, a dash for none.
-pub(super) fn mrad(value: f64) -> String {
+pub(crate) fn mrad(value: f64) -> String {
     if !value.is_finite() {
         return "–".to_owned();
     }
@@ -255,7 +255,7 @@ pub(super) fn mrad(value: f64) -> String {
 }
 
 /// A count with its thousands apart.
-pub(super) fn count(value: usize) -> String {
+pub(crate) fn count(value: usize) -> String {
     let digits = value.to_string();
     let mut text = String::new();
     for (i, digit) in digits.chars().enumerate() {

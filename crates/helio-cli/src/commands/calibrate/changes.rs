@@ -119,6 +119,9 @@ impl Run<'_> {
                 (Some((chi, freedom)), Some(false)) => {
                     format!("not significantly (chi-square {chi:.1} on {freedom}{of})")
                 }
+                _ if change.other_pose_errors => {
+                    "whether significantly is not known: its pose errors are others".to_owned()
+                }
                 _ => "whether significantly is not known: there is no covariance".to_owned(),
             };
             said.push(format!(

@@ -273,6 +273,7 @@ impl Run<'_> {
     fn sets(&self, done: &Done) -> Vec<CalibratedSet> {
         let of = &self.observations.heliostats[done.index];
         let id = self.id(done.index);
+        let pose_errors = self.loaded.field.heliostats()[of.row].pose_errors;
         let used: usize = done.sets.iter().map(|set| set.rows.len()).sum();
         // Sets over the day share the records of the hours in which they blend.
         let rejected = of.observations.len().saturating_sub(used);
@@ -305,7 +306,7 @@ impl Run<'_> {
                         done.rejected.iter().filter(|left| inside(left.row)).count()
                     },
                     observed_ns: times().min().zip(times().max()),
-                    ..set.to_table(id)
+                    ..set.to_table(id, pose_errors)
                 }
             })
             .collect()

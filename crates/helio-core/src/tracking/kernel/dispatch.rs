@@ -3,7 +3,7 @@
 
 use super::limits::{LimitSource, Limits, PerHeliostat, Uniform, Unlimited};
 use super::normal::{Approximate, Exact, Iterated, OffsetSource};
-use super::sag::{SagSource, Sagging, Stiff};
+use super::pose_errors::{NoPoseErrors, PoseErrorSource, WithPoseErrors};
 use super::{AnySun, Job, PresentRows, Rows, Scratch, SunSource};
 use crate::frame::EnuUnit;
 use crate::lanes::math::sin_cos;
@@ -49,25 +49,38 @@ impl Call<'_> {
         out: &mut Rows<'_>,
     ) -> bool {
         match &self.prepared.limits {
-            Limits::None => self.with_limits(offset, Unlimited, Stiff, sun, scratch, out),
+            Limits::None => self.with_limits(offset, Unlimited, NoPoseErrors, sun, scratch, out),
             Limits::Uniform(values) => {
-                self.with_limits(offset, Uniform(values), Stiff, sun, scratch, out)
+                self.with_limits(offset, Uniform(values), NoPoseErrors, sun, scratch, out)
             }
-            Limits::PerHeliostat(columns) if self.prepared.sags.is_empty() => {
-                self.with_limits(offset, PerHeliostat(columns), Stiff, sun, scratch, out)
-            }
+            Limits::PerHeliostat(columns) if self.prepared.pose_errors.is_empty() => self
+                .with_limits(
+                    offset,
+                    PerHeliostat(columns),
+                    NoPoseErrors,
+                    sun,
+                    scratch,
+                    out,
+                ),
             Limits::PerHeliostat(columns) => {
-                let sags = Sagging(&self.prepared.sags);
-                self.with_limits(offset, PerHeliostat(columns), sags, sun, scratch, out)
+                let pose_errors = WithPoseErrors(&self.prepared.pose_errors);
+                self.with_limits(
+                    offset,
+                    PerHeliostat(columns),
+                    pose_errors,
+                    sun,
+                    scratch,
+                    out,
+                )
             }
         }
     }
 
-    fn with_limits<O: OffsetSource, M: LimitSource, G: SagSource>(
+    fn with_limits<O: OffsetSource, M: LimitSource, G: PoseErrorSource>(
         &self,
         offset: O,
         limits: M,
-        sags: G,
+        pose_errors: G,
         sun: EnuUnit,
         scratch: &mut Scratch,
         out: &mut Rows<'_>,
@@ -82,7 +95,7 @@ impl Call<'_> {
                     offset,
                     limits,
                     sun,
-                    sags,
+                    pose_errors,
                 },
                 scratch,
                 out,
@@ -94,7 +107,7 @@ impl Call<'_> {
                     offset,
                     limits,
                     sun,
-                    sags,
+                    pose_errors,
                 },
                 scratch,
                 out,
@@ -102,7 +115,7 @@ impl Call<'_> {
         }
     }
 
-    fn run<O: OffsetSource, M: LimitSource, S: SunSource, G: SagSource>(
+    fn run<O: OffsetSource, M: LimitSource, S: SunSource, G: PoseErrorSource>(
         &self,
         job: Job<'_, O, M, S, G>,
         scratch: &mut Scratch,
@@ -131,11 +144,13 @@ impl Call<'_> {
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {
-    use super::{Job, LimitSource, OffsetSource, PresentRows, Rows, SagSource, Scratch, SunSource};
+    use super::{
+        Job, LimitSource, OffsetSource, PoseErrorSource, PresentRows, Rows, Scratch, SunSource,
+    };
     use crate::lanes::x86::{V4, V8};
 
     #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,fma")]
-    pub fn avx512<O: OffsetSource, M: LimitSource, S: SunSource, G: SagSource>(
+    pub fn avx512<O: OffsetSource, M: LimitSource, S: SunSource, G: PoseErrorSource>(
         job: Job<'_, O, M, S, G>,
         first: usize,
         present: Option<PresentRows<'_>>,
@@ -146,7 +161,7 @@ mod x86 {
     }
 
     #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,fma")]
-    pub fn avx512_stream<O: OffsetSource, M: LimitSource, S: SunSource, G: SagSource>(
+    pub fn avx512_stream<O: OffsetSource, M: LimitSource, S: SunSource, G: PoseErrorSource>(
         job: Job<'_, O, M, S, G>,
         first: usize,
         present: Option<PresentRows<'_>>,
@@ -159,7 +174,7 @@ mod x86 {
     }
 
     #[target_feature(enable = "avx2,fma")]
-    pub fn avx2<O: OffsetSource, M: LimitSource, S: SunSource, G: SagSource>(
+    pub fn avx2<O: OffsetSource, M: LimitSource, S: SunSource, G: PoseErrorSource>(
         job: Job<'_, O, M, S, G>,
         first: usize,
         present: Option<PresentRows<'_>>,
@@ -179,24 +194,24 @@ pub(crate) fn forward_rows(
     out: &mut [[f64; 3]],
 ) {
     let axes = [axis1, axis2];
-    if prepared.sags.is_empty() {
-        let sags = Stiff;
+    if prepared.pose_errors.is_empty() {
+        let pose_errors = NoPoseErrors;
         run(
             level,
             Forward {
                 prepared,
-                sags,
+                pose_errors,
                 axes,
                 out,
             },
         );
     } else {
-        let sags = Sagging(&prepared.sags);
+        let pose_errors = WithPoseErrors(&prepared.pose_errors);
         run(
             level,
             Forward {
                 prepared,
-                sags,
+                pose_errors,
                 axes,
                 out,
             },
@@ -206,19 +221,19 @@ pub(crate) fn forward_rows(
 
 struct Forward<'a, G> {
     prepared: &'a Prepared,
-    sags: G,
+    pose_errors: G,
     axes: [&'a [f64]; 2],
     out: &'a mut [[f64; 3]],
 }
 
-impl<G: SagSource> Kernel for Forward<'_, G> {
+impl<G: PoseErrorSource> Kernel for Forward<'_, G> {
     type Output = ();
 
     #[inline(always)]
     fn run<L: Lanes>(self) {
         let Self {
             prepared,
-            sags,
+            pose_errors,
             axes: [axis1, axis2],
             out,
         } = self;
@@ -235,9 +250,9 @@ impl<G: SagSource> Kernel for Forward<'_, G> {
             let (sin_gamma, cos_gamma) = sin_cos(L::read(&side[0]));
             let (sin_alpha, cos_alpha) = sin_cos(L::read(&side[1]));
             let mut angles = [[cos_gamma, sin_gamma], [cos_alpha, sin_alpha]];
-            if G::SAGS {
+            if G::ANY {
                 let [gamma, alpha] = angles;
-                angles = sags.load::<L>(block, lane).settle(gamma, alpha);
+                angles = pose_errors.load::<L>(block, lane).settle(gamma, alpha);
             }
             let normal = super::mount::forward::<L>(&prepared.constants[block], lane, angles);
             let mut columns = [[0.0; BLOCK]; 3];

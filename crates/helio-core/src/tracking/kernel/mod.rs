@@ -8,15 +8,15 @@ pub(crate) mod dispatch;
 pub(crate) mod limits;
 pub(crate) mod mount;
 pub(crate) mod normal;
+pub(crate) mod pose_errors;
 mod queue;
-pub(crate) mod sag;
 mod tile;
 
 use limits::{AxisEnds, LimitSource};
 use mount::Constants;
 use normal::{OffsetSource, Rays};
+use pose_errors::PoseErrorSource;
 use queue::Queue;
-use sag::SagSource;
 use tile::Tile;
 
 use super::prepared::{Base, Prepared, TILE, column};
@@ -140,10 +140,10 @@ pub(crate) struct Job<'a, O, M, S, G> {
     pub offset: O,
     pub limits: M,
     pub sun: S,
-    pub sags: G,
+    pub pose_errors: G,
 }
 
-impl<O: OffsetSource, M: LimitSource, S: SunSource, G: SagSource> Job<'_, O, M, S, G> {
+impl<O: OffsetSource, M: LimitSource, S: SunSource, G: PoseErrorSource> Job<'_, O, M, S, G> {
     #[inline(always)]
     fn rays<L: Lanes>(&self, constants: &Constants, block: usize, lane: usize) -> Rays<L> {
         Rays {
@@ -234,8 +234,8 @@ impl<O: OffsetSource, M: LimitSource, S: SunSource, G: SagSource> Job<'_, O, M, 
             ends: AxisEnds::of(&self.prepared.axis_limits[field_row]),
             present: present.unwrap_or([f64::NAN; 2]),
         });
-        if G::SAGS {
-            queue.push_sag(self.sags.row(field_row));
+        if G::ANY {
+            queue.push_pose_errors(self.pose_errors.row(field_row));
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use core::f64::consts::PI;
 
-use super::sag::{Pair, Sags};
+use super::pose_errors::{Pair, Turns};
 use crate::lanes::math::{Reduced, sin_cos};
 use crate::lanes::{Columns, Lanes, Mask};
 use crate::tracking::prepared::column;
@@ -95,14 +95,14 @@ impl<L: Lanes> Pose<L> {
         [d1.mul(sec_mu), self.sine.mul(sec_mu)]
     }
 
-    /// Sags of both axes in both solutions, direct and over the top. `free_gamma` is gamma where it may be
-    /// anything.
+    /// What the pose errors turn both axes by, in both solutions, direct and over the top. `free_gamma` is
+    /// gamma where it may be anything.
     #[inline(always)]
-    pub fn sags(
+    pub fn turns(
         &self,
         constants: &Constants,
         lane: usize,
-        sags: &Sags<L>,
+        turns: &Turns<L>,
         free_gamma: L,
     ) -> [[L; 2]; 2] {
         let zero = L::splat(0.0);
@@ -122,7 +122,7 @@ impl<L: Lanes> Pose<L> {
                 L::select(vertical, free_cosine, cosine),
                 L::select(vertical, free_sine, sine),
             ];
-            both[solution] = sags.at(gamma, here.alpha_pair(constants, lane, d1));
+            both[solution] = turns.at(gamma, here.alpha_pair(constants, lane, d1));
             solution += 1;
         }
         both

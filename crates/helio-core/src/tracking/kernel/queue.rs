@@ -6,7 +6,7 @@ use super::Rows;
 use super::limits::{AxisEnds, AxisRange};
 use super::mount::pose;
 use super::normal::{MIN_COS_INCIDENCE, OffsetSource, Rays};
-use super::sag::{self, SagSource, Sags};
+use super::pose_errors::{self, PoseErrorSource, Turns};
 use crate::lanes::math::Reduced;
 use crate::lanes::{BLOCK, Columns, Lanes, Mask};
 use crate::status::Status;
@@ -44,8 +44,8 @@ pub(super) struct Entry {
 pub(super) struct Queue {
     constants: Vec<Columns<{ column::COUNT }>>,
     own: Vec<Columns<{ own::COUNT }>>,
-    /// As long as rows with sag were ever pushed.
-    sags: Vec<Columns<{ sag::COUNT }>>,
+    /// As long as rows with pose errors were ever pushed.
+    pose_errors: Vec<Columns<{ pose_errors::COUNT }>>,
     out_rows: Vec<usize>,
     len: usize,
 }
@@ -55,7 +55,7 @@ impl Queue {
         Self {
             constants: Vec::new(),
             own: Vec::new(),
-            sags: Vec::new(),
+            pose_errors: Vec::new(),
             out_rows: Vec::new(),
             len: 0,
         }
@@ -82,13 +82,14 @@ impl Queue {
         self.len += 1;
     }
 
-    /// The sag of the row pushed last: for every row of a field with sag, and for none of another.
-    pub fn push_sag(&mut self, sag: [f64; sag::COUNT]) {
+    /// Those of the row pushed last: for every row of a field with pose errors, and for none of another.
+    pub fn push_pose_errors(&mut self, values: [f64; pose_errors::COUNT]) {
         let row = self.len - 1;
-        if self.sags.len() <= row / BLOCK {
-            self.sags.push(Columns([[0.0; BLOCK]; sag::COUNT]));
+        if self.pose_errors.len() <= row / BLOCK {
+            self.pose_errors
+                .push(Columns([[0.0; BLOCK]; pose_errors::COUNT]));
         }
-        for (column, value) in self.sags[row / BLOCK].0.iter_mut().zip(sag) {
+        for (column, value) in self.pose_errors[row / BLOCK].0.iter_mut().zip(values) {
             column[row % BLOCK] = value;
         }
     }
@@ -99,7 +100,7 @@ impl Queue {
 
     /// Computes the rows and puts them in their places. True if one lies outside its limits.
     #[inline(always)]
-    pub fn empty<V: Lanes, O: OffsetSource, G: SagSource>(
+    pub fn empty<V: Lanes, O: OffsetSource, G: PoseErrorSource>(
         &mut self,
         offset: O,
         out: &mut Rows<'_>,
@@ -109,8 +110,8 @@ impl Queue {
         for row in self.len..self.len.next_multiple_of(BLOCK) {
             repeat_row(&mut self.constants, self.len - 1, row);
             repeat_row(&mut self.own, self.len - 1, row);
-            if G::SAGS {
-                repeat_row(&mut self.sags, self.len - 1, row);
+            if G::ANY {
+                repeat_row(&mut self.pose_errors, self.len - 1, row);
             }
         }
         let mut first = 0;
@@ -157,7 +158,11 @@ impl Queue {
 
     /// Rows to which anything may happen.
     #[inline(always)]
-    fn full_group<L: Lanes, O: OffsetSource, G: SagSource>(&self, offset: O, row: usize) -> Answer {
+    fn full_group<L: Lanes, O: OffsetSource, G: PoseErrorSource>(
+        &self,
+        offset: O,
+        row: usize,
+    ) -> Answer {
         let splat = L::splat;
         let nan = splat(f64::NAN);
         let half_t = [
@@ -204,13 +209,13 @@ impl Queue {
         let [mut direct, mut over] = pose.both(&self.constants[row / BLOCK], row % BLOCK);
 
         let free1 = pose.on_fixed_axis();
-        if G::SAGS {
+        if G::ANY {
             let (block, lane) = (row / BLOCK, row % BLOCK);
             // Where the first axis may stand anywhere, the second sags by where it does stand.
             let shift1 = L::load(&self.constants[block], lane, column::SHIFT1);
             let free_gamma = stay(ranges[0].window(shift1), &ends[0], present[0]).sub(shift1);
-            let sags = Sags::load(&self.sags[block], lane);
-            let [of_direct, of_over] = pose.sags(&self.constants[block], lane, &sags, free_gamma);
+            let turns = Turns::load(&self.pose_errors[block], lane);
+            let [of_direct, of_over] = pose.turns(&self.constants[block], lane, &turns, free_gamma);
             direct = [direct[0].sub(of_direct[0]), direct[1].sub(of_direct[1])];
             over = [over[0].sub(of_over[0]), over[1].sub(of_over[1])];
         }

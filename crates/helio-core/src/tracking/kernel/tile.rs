@@ -8,7 +8,7 @@
 use super::limits::LimitSource;
 use super::mount::{Constants, Pose, alpha, pose};
 use super::normal::{Bisector, OffsetSource, doubt};
-use super::sag::SagSource;
+use super::pose_errors::PoseErrorSource;
 use super::{Job, Rows, SunSource};
 use crate::lanes::math::Reduced;
 use crate::lanes::{BLOCK, Lanes, prefetch};
@@ -46,8 +46,8 @@ mod slot {
     pub const GAMMA: usize = C1;
     /// Two: base and component.
     pub const ALPHA: usize = SINE;
-    pub const SAG1: usize = D1;
-    pub const SAG2: usize = D2;
+    pub const TURN1: usize = D1;
+    pub const TURN2: usize = D2;
 
     pub const COUNT: usize = 9;
 }
@@ -78,7 +78,7 @@ impl Tile {
     }
 }
 
-impl<O: OffsetSource, M: LimitSource, S: SunSource, G: SagSource> Job<'_, O, M, S, G> {
+impl<O: OffsetSource, M: LimitSource, S: SunSource, G: PoseErrorSource> Job<'_, O, M, S, G> {
     /// The first phase of a block: sun and aim.
     #[inline(always)]
     fn open_block<L: Lanes>(&self, c: &Constants, block: usize, t: &mut Between) {
@@ -115,9 +115,9 @@ impl<O: OffsetSource, M: LimitSource, S: SunSource, G: SagSource> Job<'_, O, M, 
             let range1 = self.limits.range::<L>(block, lane, 0);
             let mut axis1 = gamma.add(L::load(c, lane, column::SHIFT1));
             let mut axis2 = alpha.add(L::load(c, lane, column::SHIFT2));
-            if G::SAGS {
-                axis1 = axis1.sub(L::read(&t.0[slot::SAG1][lane..]));
-                axis2 = axis2.sub(L::read(&t.0[slot::SAG2][lane..]));
+            if G::ANY {
+                axis1 = axis1.sub(L::read(&t.0[slot::TURN1][lane..]));
+                axis2 = axis2.sub(L::read(&t.0[slot::TURN2][lane..]));
             }
             if M::LIMITED {
                 let range2 = self.limits.range::<L>(block, lane, 1);
@@ -220,7 +220,7 @@ impl<O: OffsetSource, M: LimitSource, S: SunSource, G: SagSource> Job<'_, O, M, 
             }
             ahead(c, [9, 10]);
             self.limits.prefetch(first + index + BLOCKS);
-            self.sags.prefetch(first + index + BLOCKS);
+            self.pose_errors.prefetch(first + index + BLOCKS);
         }
         for (index, (c, t)) in constants.iter().zip(between.iter_mut()).enumerate() {
             let mut lane = 0;
@@ -237,11 +237,12 @@ impl<O: OffsetSource, M: LimitSource, S: SunSource, G: SagSource> Job<'_, O, M, 
                 let gamma = pose.gamma(d1);
                 alpha(c, lane, d1, pose.sine).write(t, slot::ALPHA, lane);
                 gamma.write(t, slot::GAMMA, lane);
-                if G::SAGS {
-                    let sags = self.sags.load::<L>(first + index, lane);
-                    let [sag1, sag2] = sags.at(pose.gamma_pair(d1), pose.alpha_pair(c, lane, d1));
-                    sag1.write(&mut t.0[slot::SAG1][lane..]);
-                    sag2.write(&mut t.0[slot::SAG2][lane..]);
+                if G::ANY {
+                    let turns = self.pose_errors.load::<L>(first + index, lane);
+                    let [turn1, turn2] =
+                        turns.at(pose.gamma_pair(d1), pose.alpha_pair(c, lane, d1));
+                    turn1.write(&mut t.0[slot::TURN1][lane..]);
+                    turn2.write(&mut t.0[slot::TURN2][lane..]);
                 }
                 lane += L::WIDTH;
             }
