@@ -10,8 +10,8 @@ use rayon::prelude::*;
 /// Which of a heliostat's own records are used, and when.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Protocol {
-    /// The first twelve.
-    First12,
+    /// The first so many.
+    First(usize),
     /// Twelve spread over the earlier half.
     Spread12,
     /// The earlier half.
@@ -36,9 +36,19 @@ pub enum Others {
     Nobody,
 }
 
-/// All of them.
+/// After how many records of its own a new heliostat is looked at.
+pub const FEW: &[Protocol] = &[
+    Protocol::First(0),
+    Protocol::First(1),
+    Protocol::First(2),
+    Protocol::First(3),
+    Protocol::First(6),
+    Protocol::First(12),
+];
+
+/// Those of the table.
 pub const PROTOCOLS: &[Protocol] = &[
-    Protocol::First12,
+    Protocol::First(12),
     Protocol::Spread12,
     Protocol::Half,
     Protocol::DayAhead,
@@ -49,15 +59,16 @@ pub const PROTOCOLS: &[Protocol] = &[
 impl Protocol {
     /// The words of the table.
     #[must_use]
-    pub const fn in_words(self) -> &'static str {
+    pub fn in_words(self) -> String {
         match self {
-            Self::First12 => "first 12, frozen",
+            Self::First(count) => return format!("first {count}, frozen"),
             Self::Spread12 => "12 spread over the earlier half, frozen",
             Self::Half => "earlier half, frozen",
             Self::DayAhead => "one day ahead, fitted anew each day",
             Self::FollowedByDay => "one day ahead, followed",
             Self::FollowedByRecord => "one record ahead, followed",
         }
+        .to_owned()
     }
 }
 
@@ -66,6 +77,8 @@ impl Protocol {
 pub struct Done {
     /// Of the later half of its records.
     pub rms_mrad: f64,
+    /// What had been expected of them.
+    pub expected_mrad: f64,
     /// Share of them within the stated 95 % ellipse.
     pub inside95: f64,
     /// Each of them.
@@ -144,7 +157,7 @@ impl Campaigns {
         let mut days: Vec<i64> = later.iter().map(day).collect();
         days.dedup();
         let frozen: Vec<Observation> = match protocol {
-            Protocol::First12 => earlier[..12.min(half)].to_vec(),
+            Protocol::First(count) => earlier[..count.min(half)].to_vec(),
             Protocol::Spread12 => {
                 let mut picked: Vec<usize> = (0..12)
                     .map(|k| ((k * (half - 1)) as f64 / 11.0).round_ties_even() as usize)
@@ -218,8 +231,11 @@ impl Campaigns {
         let n = foretold.len() as f64;
         let beam_mrad: Vec<f64> = foretold.iter().map(Foretold::beam_mrad).collect();
         let square: Vec<f64> = foretold.iter().map(Foretold::square).collect();
+        let expected = foretold.iter().map(|f| f.expected_mrad().powi(2));
+        let expected_mrad = (expected.sum::<f64>() / n).sqrt();
         Done {
             rms_mrad: (beam_mrad.iter().map(|x| x * x).sum::<f64>() / n).sqrt(),
+            expected_mrad,
             inside95: square.iter().filter(|x| **x < INSIDE95).count() as f64 / n,
             beam_mrad,
             square,
