@@ -217,12 +217,22 @@ pub(crate) struct PredictArgs {
 ///
 /// Finished heliostats are kept in OUT.part until the table is written: an interrupted run goes on
 /// from there with --resume, to the same bytes.
+///
+/// With --joint the field is fitted as one, and with --update it is followed from day to day: then every
+/// heliostat of the layout has a row, those without observations as the field is, with how far their
+/// beams may miss in foretold_mrad.
 #[derive(Debug, ClapArgs)]
 #[command(
     after_help = "Example:\n  helio-rs simulate observations --field examples/field.toml \
                         --heliostats 3 --out seen.csv\n  \
                         helio-rs calibrate --field examples/field.toml --observations \
-                        seen.csv --out calibration.csv"
+                        seen.csv --out calibration.csv\n  \
+                        helio-rs calibrate --field examples/field.toml --observations \
+                        seen.csv --joint --state s.parquet\n  \
+                        helio-rs simulate observations --field examples/field.toml --to \
+                        2027-01-01T00:00Z --out new.csv\n  \
+                        helio-rs calibrate --field examples/field.toml --observations \
+                        new.csv --update s.parquet"
 )]
 pub(crate) struct CalibrateArgs {
     /// The field.toml
@@ -231,6 +241,8 @@ pub(crate) struct CalibrateArgs {
     /// Table of observations
     #[arg(long, value_name = "FILE")]
     pub(crate) observations: PathBuf,
+    #[command(flatten)]
+    pub(crate) joint: JointArgs,
     #[command(flatten)]
     pub(crate) fit: FitArgs,
     /// A page to look at: before and after, residuals, parameters, rejected records; .html
@@ -259,6 +271,55 @@ pub(crate) struct CalibrateArgs {
     #[command(flatten)]
     pub(crate) out: OutArgs,
 }
+
+/// The field as one.
+#[derive(Debug, ClapArgs)]
+pub(crate) struct JointArgs {
+    /// Fit the field as one: what heliostats share, how they differ, how their zero points move; a row
+    /// for every heliostat of the layout
+    #[arg(long, group = "as_one", conflicts_with_all = ONE_BY_ONE)]
+    pub(crate) joint: bool,
+    /// Take new observations into a state that --state wrote; a row for every heliostat
+    #[arg(long, value_name = "STATE", group = "as_one", conflicts_with_all = ONE_BY_ONE)]
+    pub(crate) update: Option<PathBuf>,
+    /// File for the state, from which --update goes on [default with --update: the same file]
+    #[arg(long, value_name = "STATE", requires = "as_one")]
+    pub(crate) state: Option<PathBuf>,
+    /// File for what the field has in common: sags, shifts of targets, time of the sun
+    #[arg(
+        long,
+        value_name = "FILE",
+        requires = "joint",
+        conflicts_with = "update"
+    )]
+    pub(crate) causes: Option<PathBuf>,
+    /// File with a row for each record: how its spot was foretold, and what became of it
+    #[arg(long, value_name = "FILE", requires = "as_one")]
+    pub(crate) steps: Option<PathBuf>,
+    /// Days after the last record of the field that the rows are for
+    #[arg(long, value_name = "DAYS", default_value = "1", requires = "as_one", value_parser = days)]
+    pub(crate) ahead: f64,
+}
+
+/// What belongs to fitting heliostat by heliostat.
+const ONE_BY_ONE: [&str; 16] = [
+    "solver",
+    "residual",
+    "robust",
+    "sets",
+    "fit_mirror_offset",
+    "hold",
+    "prior",
+    "keep_all",
+    "no_jumps",
+    "max_year_pointing_mrad",
+    "report",
+    "compare",
+    "rejected",
+    "plan",
+    "plan_out",
+    "resume",
+];
 
 /// How to fit.
 #[derive(Debug, ClapArgs)]
@@ -566,6 +627,10 @@ fn hours(text: &str) -> Result<Hours, String> {
     } else {
         Err(wanted.to_owned())
     }
+}
+
+fn days(text: &str) -> Result<f64, String> {
+    number(text, 0.0, 366.0, "days")
 }
 
 fn mrad(text: &str) -> Result<f64, String> {

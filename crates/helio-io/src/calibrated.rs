@@ -57,10 +57,49 @@ pub struct CalibratedSet {
     pub year_pointing_mrad: f64,
     /// First and last time of its observations \[ns of Unix time\].
     pub observed_ns: Option<(i64, i64)>,
+    /// What the joint fit of a field says besides, where the set comes from one.
+    pub joint: Option<JointColumns>,
     /// `ok`, or what is the matter.
     pub status: String,
     /// The reason of a status other than `ok`, in words.
     pub why: String,
+}
+
+/// What the joint fit of a field says of a heliostat besides its set: columns of their own.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JointColumns {
+    /// One standard deviation of each pose error \[rad\], in the order of [`PoseErrors`].
+    pub pose_sigmas_rad: [f64; 3],
+    /// Jumps of zero points that are remembered.
+    pub jumps: usize,
+    /// Zero points of either axis less those at rest, after its last record \[rad\].
+    pub zero_rad: [f64; 2],
+    /// One standard deviation of them \[rad\].
+    pub zero_sigma_rad: [f64; 2],
+    /// Expected miss of its beam at its aim on the day that the set is for \[mrad\].
+    pub foretold_mrad: f64,
+}
+
+impl JointColumns {
+    /// Columns in the table, in order.
+    pub const NAMES: [&'static str; 9] = [
+        "sigma_axis1_sag_mrad",
+        "sigma_axis2_sag_mrad",
+        "sigma_axis2_eccentricity_mrad",
+        "jumps",
+        "axis1_zero_mrad",
+        "axis2_zero_mrad",
+        "sigma_axis1_zero_mrad",
+        "sigma_axis2_zero_mrad",
+        "foretold_mrad",
+    ];
+
+    fn numbers(&self) -> [f64; 9] {
+        let [a, b, c] = self.pose_sigmas_rad.map(|sigma| 1e3 * sigma);
+        let [d, e] = self.zero_rad.map(|zero| 1e3 * zero);
+        let [f, g] = self.zero_sigma_rad.map(|sigma| 1e3 * sigma);
+        [a, b, c, self.jumps as f64, d, e, f, g, self.foretold_mrad]
+    }
 }
 
 /// What a calibration table comes from: the same for all its rows.
@@ -117,6 +156,7 @@ impl CalibratedSet {
             condition: f64::NAN,
             year_pointing_mrad: f64::NAN,
             observed_ns: None,
+            joint: None,
             status: status.to_owned(),
             why: why.to_owned(),
         }
@@ -268,6 +308,10 @@ pub fn write_calibration(
         times(&|s| s.observed_ns.map(|t| t.0)),
         times(&|s| s.observed_ns.map(|t| t.1)),
     );
+    let joint: [Vec<f64>; 9] = std::array::from_fn(|k| {
+        numbers(&|s| s.joint.as_ref().map_or(f64::NAN, |j| j.numbers()[k]))
+    });
+    let jumps = whole(&|s| s.joint.as_ref().map(|j| j.jumps));
     let (status, why) = (texts(&|s| s.status.clone()), texts(&|s| s.why.clone()));
     let origin = [
         ("version", &provenance.version),
@@ -318,6 +362,20 @@ pub fn write_calibration(
         ("year_pointing_mrad", Cells::Numbers(&year)),
         ("first_time", Cells::Times(&first)),
         ("last_time", Cells::Times(&last)),
+    ]);
+    if sets.iter().any(|set| set.joint.is_some()) {
+        for (name, column) in JointColumns::NAMES.into_iter().zip(&joint) {
+            columns.push((
+                name,
+                if name == "jumps" {
+                    Cells::Whole(&jumps)
+                } else {
+                    Cells::Numbers(column)
+                },
+            ));
+        }
+    }
+    columns.extend([
         (keys::STATUS.name, Cells::Text(&status)),
         ("why", Cells::Text(&why)),
     ]);

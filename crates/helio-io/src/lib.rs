@@ -26,13 +26,15 @@ mod observations;
 pub mod output;
 mod schema;
 mod small;
+mod state;
 mod table;
 mod times;
 mod toml;
 
 pub use atomic::{AtomicFile, remove_unfinished_files, write_file};
 pub use calibrated::{
-    CalibratedSet, Provenance, degrees_for, errors_as_written, load_calibration, write_calibration,
+    CalibratedSet, JointColumns, Provenance, degrees_for, errors_as_written, load_calibration,
+    write_calibration,
 };
 pub use error::{IoError, Place, Problem};
 pub use field::{
@@ -46,5 +48,6 @@ pub use observations::{
 };
 pub use schema::schema;
 pub use small::{Angles, AnglesSun, PresentAngles, Suns, load_angles, load_present, load_suns};
+pub use state::{KeptMount, STATE_FORMAT, StateFile, read_state, write_state};
 pub use table::PARQUET_THREAD;
 pub use times::{TimeRange, format_time, parse_step, parse_time};

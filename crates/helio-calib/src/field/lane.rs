@@ -8,10 +8,10 @@ use crate::model::Real;
 
 /// Lanes with operators.
 #[derive(Clone, Copy)]
-pub(super) struct Lane<L>(pub L);
+pub(crate) struct Lane<L>(pub L);
 
 /// One number of each of eight heliostats.
-pub(super) type Eight = [f64; BLOCK];
+pub(crate) type Eight = [f64; BLOCK];
 
 impl<L: Lanes> Lane<L> {
     #[inline(always)]
@@ -113,6 +113,6 @@ impl<L: Lanes> Real for Lane<L> {
 
 /// True if any lane is.
 #[inline(always)]
-pub(super) fn any<M: Mask>(mask: M) -> bool {
+pub(crate) fn any<M: Mask>(mask: M) -> bool {
     mask.bits() != 0
 }

@@ -8,7 +8,7 @@
 mod formula;
 mod group;
 mod iterate;
-mod lane;
+pub(crate) mod lane;
 mod solve;
 mod start;
 

@@ -12,12 +12,18 @@ use crate::model::Real;
 /// What the filter computes with.
 pub(super) trait Number: Real {
     fn square_root(self) -> Self;
+    /// 1 where it is this number, else 0.
+    fn is(self, value: f64) -> Self;
 }
 
 impl Number for f64 {
     #[inline(always)]
     fn square_root(self) -> Self {
         libm::sqrt(self)
+    }
+    #[inline(always)]
+    fn is(self, value: f64) -> Self {
+        Self::from(u8::from(self == value))
     }
 }
 
@@ -35,6 +41,8 @@ pub(super) struct Shape {
     pub causes: usize,
     /// Whether the mean is kept as a function of what is common; if not, that is taken as known.
     pub tied: bool,
+    /// Whether means of those at rest are among what is common.
+    pub means: bool,
 }
 
 impl Shape {
@@ -44,10 +52,10 @@ impl Shape {
     }
     /// In common: means of those at rest, then the causes.
     pub const fn common(self) -> usize {
-        if self.tied {
-            self.still + self.causes
-        } else {
-            0
+        match (self.tied, self.means) {
+            (true, true) => self.still + self.causes,
+            (true, false) => self.causes,
+            (false, _) => 0,
         }
     }
     /// Numbers of a linearised record.
@@ -105,14 +113,26 @@ pub(super) struct Belief<T> {
     /// P, lower triangle row by row.
     pub spread: Vec<T>,
     /// Columns of H and P Hᵀ and rows of h, kept for the next record.
-    room: Room<T>,
+    pub room: Room<T>,
 }
 
+/// See [`Belief`].
 #[derive(Debug, Clone, PartialEq, Default)]
-struct Room<T> {
+pub(super) struct Room<T> {
     slopes: Vec<[T; 2]>,
     pulled: Vec<[T; 2]>,
     common: Vec<[T; 2]>,
+}
+
+impl<T: Number> Room<T> {
+    pub fn of(shape: Shape) -> Self {
+        let zero = [T::splat(0.0); 2];
+        Self {
+            slopes: vec![zero; shape.own()],
+            pulled: vec![zero; shape.own()],
+            common: vec![zero; shape.common()],
+        }
+    }
 }
 
 /// What records tell of what is common.
@@ -145,6 +165,13 @@ pub(super) const fn at(i: usize, j: usize) -> usize {
     i * (i + 1) / 2 + j
 }
 
+/// Through the inverse of a square root, of which the diagonal is given as reciprocals.
+#[inline(always)]
+fn through<T: Number>([per11, r21, per22]: [T; 3], v: [T; 2]) -> [T; 2] {
+    let first = v[0] * per11;
+    [first, (v[1] - r21 * first) * per22]
+}
+
 /// A record before it is believed.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Surprise<T> {
@@ -167,16 +194,12 @@ impl<T: Number> Belief<T> {
             mean: vec![zero; own],
             gain: vec![zero; own * common],
             spread: vec![zero; Shape::triangle(own)],
-            room: Room {
-                slopes: vec![[zero; 2]; own],
-                pulled: vec![[zero; 2]; own],
-                common: vec![[zero; 2]; common],
-            },
+            room: Room::of(shape),
         };
         for (to, &from) in belief.spread.iter_mut().zip(spread) {
             *to = T::splat(from);
         }
-        if shape.tied {
+        if shape.tied && shape.means {
             for i in 0..shape.still {
                 belief.gain[i * common + i] = T::splat(1.0);
             }
@@ -211,11 +234,10 @@ impl<T: Number> Belief<T> {
         }
     }
 
-    /// The slow zero points may have jumped: their variances grow.
+    /// The references may have jumped: their variances grow.
     #[inline(always)]
     pub fn loosen(&mut self, variances: [T; 2]) {
-        for (k, variance) in variances.into_iter().enumerate() {
-            let i = self.shape.still + k;
+        for (variance, i) in variances.into_iter().zip(REFERENCES) {
             let p = &mut self.spread[at(i, i)];
             *p = *p + variance;
         }
@@ -276,11 +298,12 @@ impl<T: Number> Belief<T> {
             left = [left[0] - h[0] * m, left[1] - h[1] * m];
         }
         // h = F + H G
+        let means = of_common.saturating_sub(causes);
         for (k, c) in room.common.iter_mut().enumerate() {
-            *c = if k < still {
+            *c = if k < means {
                 [T::splat(0.0); 2]
             } else {
-                let cause = k - still;
+                let cause = k - means;
                 [by_cause[2 * cause], by_cause[2 * cause + 1]]
             };
         }
@@ -297,16 +320,13 @@ impl<T: Number> Belief<T> {
         let r21 = s[1] / r11;
         let r22 = (s[2] - r21 * r21).square_root();
         let (per11, per22) = (one / r11, one / r22);
-        let through = |v: [T; 2]| {
-            let first = v[0] * per11;
-            [first, (v[1] - r21 * first) * per22]
-        };
-        left = through(left);
+        let root = [per11, r21, per22];
+        left = through(root, left);
         for v in &mut room.pulled {
-            *v = through(*v);
+            *v = through(root, *v);
         }
         for c in &mut room.common {
-            *c = through(*c);
+            *c = through(root, *c);
         }
         let mut with_common = left;
         for (c, &b) in room.common.iter().zip(common) {
@@ -318,6 +338,20 @@ impl<T: Number> Belief<T> {
             left,
             square: with_common[1].mul_add(with_common[1], with_common[0] * with_common[0]),
         }
+    }
+
+    /// Lets the record that was weighed last tell nothing where `live` is 0, and all where it is 1.
+    #[inline(always)]
+    pub fn mute(&mut self, surprise: &mut Surprise<T>, live: T) {
+        let one = T::splat(1.0);
+        for pair in self.room.pulled.iter_mut().chain(&mut self.room.common) {
+            *pair = [pair[0] * live, pair[1] * live];
+        }
+        surprise.left = [surprise.left[0] * live, surprise.left[1] * live];
+        surprise.square = surprise.square * live;
+        let [r11, r21, r22] = surprise.root;
+        let dead = one - live;
+        surprise.root = [live.mul_add(r11, dead), r21, live.mul_add(r22, dead)];
     }
 
     /// Believes the record that was weighed last, and adds what it tells of what is common.

@@ -123,11 +123,22 @@ impl Common {
         libm::sqrt(self.covariance[k * self.mean.len() + k])
     }
 
-    /// Logarithm of how much likelier the records are with this unknown than with it held at zero (Savage and
-    /// Dickey): densities at zero before and after.
-    pub fn log_evidence(&self, k: usize, prior_sigma: f64) -> f64 {
-        let sigma = self.sigma(k);
-        let z = self.mean[k] / sigma;
-        0.5 * z * z + libm::log(sigma / prior_sigma)
+    /// Logarithm of how much likelier the records are with these unknowns than with all of them held at zero (Savage
+    /// and Dickey): densities at zero before and after.
+    pub fn log_evidence(&self, group: &[usize], prior_sigma: &[f64]) -> f64 {
+        let (n, all) = (group.len(), self.mean.len());
+        let matrix = Mat::from_fn(n, n, |i, j| {
+            let (i, j) = (group[i.max(j)], group[i.min(j)]);
+            self.covariance[i * all + j] / (prior_sigma[i] * prior_sigma[j])
+        });
+        let Ok(factor) = matrix.llt(Side::Lower) else {
+            return f64::NEG_INFINITY;
+        };
+        let mean = Mat::from_fn(n, 1, |i, _| self.mean[group[i]] / prior_sigma[group[i]]);
+        let solved = factor.solve(&mean);
+        let root = factor.L();
+        (0..n)
+            .map(|i| 0.5 * mean[(i, 0)] * solved[(i, 0)] + libm::log(root[(i, i)]))
+            .sum()
     }
 }

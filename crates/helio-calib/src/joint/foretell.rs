@@ -4,7 +4,7 @@ use super::belief::{Belief, REFERENCES, Rates, Shape, column};
 use super::common::Common;
 use super::hyper::waited;
 use super::rows::{Expansion, MILLI, Rows, Structure, filter_unit, parameters, pole};
-use super::{JointFit, Marks, WANDERING};
+use super::{JointFit, Marks};
 use crate::field::Campaign;
 use crate::parameters::Parameters;
 
@@ -163,9 +163,9 @@ pub struct History {
     pub day: f64,
     /// Held against what was believed before it.
     pub foretold: Foretold,
-    /// Zero points of either axis less those at rest, after it \[rad\].
+    /// References of either axis as then known, less those at rest after all records \[rad\]: jumps and wander.
     pub zero_rad: [f64; 2],
-    /// One standard deviation of them \[rad\].
+    /// One standard deviation of the references \[rad\].
     pub zero_sigma_rad: [f64; 2],
     /// Whether it was taken for an outlier.
     pub outlier: bool,
@@ -238,7 +238,10 @@ impl JointFit {
             if row[rest + column::SILENT] == 0.0 {
                 belief.believe(&surprise, &mut told);
             }
-            let [zero, sigma] = zero_points(&belief, &self.common);
+            let [mut zero, sigma] = references(&belief, &self.common);
+            for (zero, at_rest) in zero.iter_mut().zip(REFERENCES) {
+                *zero -= posterior.still[at_rest];
+            }
             out.push(History {
                 observation: rows.of[record],
                 day: rows.days[record],
@@ -264,17 +267,33 @@ impl JointFit {
 
 /// Zero points of both axes less those at rest, and their standard deviations \[rad\].
 pub(super) fn zero_points(belief: &Belief<f64>, common: &Common) -> [[f64; 2]; 2] {
-    let shape = belief.shape;
-    let (own, still) = (shape.own(), shape.still);
+    let still = belief.shape.still;
+    sums(
+        belief,
+        common,
+        [0, 1].map(|axis| vec![still + axis, still + axis + 2]),
+    )
+}
+
+/// References of both axes, zero points included, and their standard deviations \[rad\].
+fn references(belief: &Belief<f64>, common: &Common) -> [[f64; 2]; 2] {
+    let still = belief.shape.still;
+    let of = |axis: usize| vec![REFERENCES[axis], still + axis, still + axis + 2];
+    sums(belief, common, [0, 1].map(of))
+}
+
+/// Sums of own unknowns, and their standard deviations \[rad\].
+fn sums(belief: &Belief<f64>, common: &Common, of: [Vec<usize>; 2]) -> [[f64; 2]; 2] {
+    let own = belief.shape.own();
     let mean = common.mean_of(belief);
     let covariance = common.covariance_of(belief);
     let mut out = [[0.0; 2]; 2];
-    for axis in 0..2 {
+    for (axis, members) in of.iter().enumerate() {
         let mut variance = 0.0;
-        for k in (axis..WANDERING).step_by(2) {
-            out[0][axis] += mean[still + k] / MILLI;
-            for l in (axis..WANDERING).step_by(2) {
-                variance += covariance[(still + k) * own + still + l];
+        for &k in members {
+            out[0][axis] += mean[k] / MILLI;
+            for &l in members {
+                variance += covariance[k * own + l];
             }
         }
         out[1][axis] = libm::sqrt(variance.max(0.0)) / MILLI;

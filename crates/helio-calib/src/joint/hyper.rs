@@ -1,8 +1,9 @@
 //! How records scatter, how zero points wander and how heliostats differ, and how likely that makes what was seen.
 
-use super::belief::{Belief, Rates, Shape, Told, WANDERING, at, column};
-use super::common::{Common, Sum};
-use super::rows::{ANGLES, Rows};
+use super::belief::{Rates, Shape, WANDERING, at};
+use super::common::Common;
+use super::group::Sample;
+use super::rows::ANGLES;
 
 /// How records scatter.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -154,53 +155,9 @@ pub(super) fn waited(rates: &Rates, days: f64) -> ([f64; WANDERING], [f64; WANDE
     (kept, added)
 }
 
-/// Goes through all records of a heliostat; `common` is used for `surprised` alone, which is told how far each
-/// record lies from what was expected (chi-squared with two degrees of freedom).
-pub(super) fn filter(
-    shape: Shape,
-    rows: &Rows,
-    hyper: &Hyper,
-    common: &[f64],
-    mut surprised: impl FnMut(usize, f64),
-) -> (Belief<f64>, Sum) {
-    let rates = hyper.rates();
-    let mut belief = Belief::of_field(shape, &hyper.spread, &rates);
-    let mut told = Told::nothing(shape);
-    let mut log_determinant = 0.0;
-    let rest = shape.row() - column::REST;
-    for k in 0..rows.len() {
-        let row = rows.row(shape, k);
-        let days = row[rest + column::DAYS];
-        if days > 0.0 {
-            let (kept, added) = waited(&rates, days);
-            belief.wait(kept, added);
-        }
-        let jump = &row[rest + column::JUMP..rest + column::JUMP + 2];
-        if jump[0] + jump[1] > 0.0 {
-            belief.loosen([jump[0], jump[1]]);
-        }
-        let surprise = belief.weigh(row, &rates, 0.0, common);
-        surprised(k, surprise.square);
-        if row[rest + column::SILENT] == 0.0 {
-            belief.believe(&surprise, &mut told);
-            log_determinant += surprise.log_determinant();
-        }
-    }
-    (belief, Sum::new(told, log_determinant))
-}
-
 /// Minus the logarithm of the likelihood of all records, what is common integrated out.
-pub(super) fn minus_log_likelihood(
-    shape: Shape,
-    heliostats: &[Rows],
-    hyper: &Hyper,
-    prior_sigma: &[f64],
-) -> f64 {
-    let mut sum = Sum::nothing(shape);
-    for rows in heliostats {
-        let (_, of_one) = filter(shape, rows, hyper, &[], |_, _| {});
-        sum.add(&of_one);
-    }
+pub(super) fn minus_log_likelihood(sample: &Sample, hyper: &Hyper, prior_sigma: &[f64]) -> f64 {
+    let (_, sum) = sample.filter(hyper);
     Common::new(&sum, prior_sigma).map_or(f64::INFINITY, |common| common.minus_log_likelihood)
 }
 
@@ -212,28 +169,18 @@ const SWEEPS: usize = 6;
 /// Makes the likelihood large over noise and wander, one logarithm after the other by parabolas, and over the
 /// heliostats' spread by expectation and maximisation in between.
 pub(super) fn learn(
-    shape: Shape,
-    heliostats: &[Rows],
+    sample: &Sample,
     hyper: &mut Hyper,
     prior_sigma: &[f64],
     expected_spread: &[f64],
     spread_free: &[bool],
 ) -> f64 {
     let mut best = f64::INFINITY;
-    let value = |hyper: &Hyper| {
-        minus_log_likelihood(shape, heliostats, hyper, prior_sigma) + hyper.penalty()
-    };
+    let value = |hyper: &Hyper| minus_log_likelihood(sample, hyper, prior_sigma) + hyper.penalty();
     let mut steps = [FIRST_STEP; SEARCHED];
     for _ in 0..SWEEPS {
         for _ in 0..2 {
-            learn_spread(
-                shape,
-                heliostats,
-                hyper,
-                prior_sigma,
-                expected_spread,
-                spread_free,
-            );
+            learn_spread(sample, hyper, prior_sigma, expected_spread, spread_free);
         }
         best = value(hyper);
         for k in 0..SEARCHED {
@@ -272,6 +219,8 @@ pub(super) fn learn(
     best
 }
 
+/// Variance of heliostats in what they are not to differ in \[mrad²\]: none, but one that can be divided by.
+pub(super) const HELD_VARIANCE: f64 = 1e-8;
 /// How stiffly correlations are held to none, in heliostats.
 const STIFFNESS: f64 = 20.0;
 /// What the expected spread counts, in heliostats.
@@ -281,40 +230,19 @@ const EXPECTED_COUNTS: f64 = 2.0;
 /// reference is taken less the mirror tilt: where a field was set up by pointing at something near the
 /// horizon, one makes up for the other.
 fn learn_spread(
-    shape: Shape,
-    heliostats: &[Rows],
+    sample: &Sample,
     hyper: &mut Hyper,
     prior_sigma: &[f64],
     expected_spread: &[f64],
     free: &[bool],
 ) {
-    let mut sum = Sum::nothing(shape);
-    let mut beliefs = Vec::with_capacity(heliostats.len());
-    for rows in heliostats {
-        let (belief, of_one) = filter(shape, rows, hyper, &[], |_, _| {});
-        sum.add(&of_one);
-        beliefs.push(belief);
-    }
+    let (known, sum) = sample.filter(hyper);
     let Some(common) = Common::new(&sum, prior_sigma) else {
         return;
     };
-    let still = shape.still;
-    let mut total = vec![0.0; still * still];
-    for belief in &beliefs {
-        // what it departs from the field by: m + G b less b's own means
-        let mut apart = belief.clone();
-        for i in 0..still {
-            apart.gain[i * shape.common() + i] -= 1.0;
-        }
-        let mean = common.mean_of(&apart);
-        let covariance = common.covariance_of(&apart);
-        for i in 0..still {
-            for j in 0..still {
-                total[i * still + j] += mean[i] * mean[j] + covariance[i * shape.own() + j];
-            }
-        }
-    }
-    let count = heliostats.len() as f64;
+    let still = sample.shape.still;
+    let total = sample.moments(&known, &common);
+    let count = sample.count as f64;
     let turned = turn(still, &total, -1.0);
     let scale: Vec<f64> = (0..still)
         .map(|i| {
@@ -332,6 +260,11 @@ fn learn_spread(
                 shrunk[i * still + j] =
                     scale[i] * scale[j] * (STIFFNESS * unit + correlation) / (STIFFNESS + count);
             }
+        }
+    }
+    for i in 0..still {
+        if !free[i] {
+            shrunk[i * still + i] = HELD_VARIANCE;
         }
     }
     let spread = turn(still, &shrunk, 1.0);

@@ -34,6 +34,8 @@ impl Default for Mishaps {
 /// A record nearer than this to what was expected (chi-squared, two degrees of freedom: 5 % lie beyond) is
 /// taken as it is.
 pub(super) const DOUBTFUL: f64 = 6.0;
+/// Variance of what was expected, of that of spots in wrong places, above which a record may be one however near it lies.
+const VAGUE: f64 = 0.02;
 /// Accounts carried on at most.
 const MOST: usize = 8;
 /// An account less likely than the best by this (logarithm) is given up.
@@ -122,11 +124,15 @@ pub(super) fn told_by(
     common: &[f64],
 ) -> Vec<Account> {
     let truth = libm::log(1.0 - mishaps.outlier - mishaps.jump);
+    let scatter = mishaps.outlier_mrad * mishaps.outlier_mrad;
     let mut after: Vec<Account> = Vec::with_capacity(accounts.len() * 4);
     for mut account in accounts {
         let as_it_is = account.belief.weigh(row, rates, 0.0, common);
-        if as_it_is.square > DOUBTFUL {
-            for axis in 0..2 {
+        let unexpected = as_it_is.square > DOUBTFUL;
+        // Where so little is known that a spot in a wrong place would not stand out, it may be one all the same.
+        let vague = 0.5 * as_it_is.log_determinant() > libm::log(VAGUE * scatter);
+        if unexpected || vague {
+            for axis in (0..2).filter(|_| unexpected) {
                 let mut jumped = account.clone();
                 let mut variances = [0.0; 2];
                 variances[axis] = mishaps.jump_mrad * mishaps.jump_mrad;
@@ -138,7 +144,6 @@ pub(super) fn told_by(
                 after.push(jumped);
             }
             let mut wrong = account.clone();
-            let scatter = mishaps.outlier_mrad * mishaps.outlier_mrad;
             let surprise = wrong.belief.weigh(row, rates, scatter, common);
             wrong.log_likelihood += libm::log(mishaps.outlier) + log_density(&surprise);
             wrong.marks.outliers.push(k);

@@ -15,6 +15,7 @@ mod belief;
 mod common;
 mod follow;
 mod foretell;
+mod group;
 mod hyper;
 mod hypotheses;
 mod parts;
@@ -22,6 +23,10 @@ mod rows;
 pub mod simulate;
 mod terms;
 
+use std::collections::BTreeMap;
+
+use helio_core::SimdLevel;
+use helio_core::lanes::BLOCK;
 use rayon::prelude::*;
 
 use crate::error::CalibrationError;
@@ -29,16 +34,18 @@ use crate::field::{Campaign, FieldFitOptions, fit_field};
 use belief::{Belief, REFERENCES, Shape, WANDERING};
 use common::{Common, Sum};
 pub use follow::{Alarm, FieldState, Followed, JumpSeen, Known, Step, StepKind};
+use foretell::shared_values;
 pub use foretell::{Foretold, History};
+use group::{Beliefs, Group, Prior, Sample, Total};
 use hyper::{
-    EXPECTED_NOISE, EXPECTED_SPREAD_MRAD, EXPECTED_WANDER, Hyper, Marks, expected_covariance,
-    filter, learn, minus_log_likelihood,
+    EXPECTED_NOISE, EXPECTED_SPREAD_MRAD, EXPECTED_WANDER, HELD_VARIANCE, Hyper, Marks,
+    expected_covariance, learn, minus_log_likelihood,
 };
 pub use hyper::{Noise, Wander};
 pub use hypotheses::Mishaps;
 use hypotheses::judge;
 pub use parts::{AccountParts, HeliostatParts, StateParts};
-use rows::{ANGLES, Expansion, MILLI, Rows, Structure, filter_unit, pole};
+use rows::{ANGLES, DAY_NS, MILLI, Structure, filter_unit, in_time, pole};
 pub use terms::{AxisCause, Cause, Description, Scope};
 
 /// How to fit a field together.
@@ -71,7 +78,7 @@ impl JointOptions {
             axis_causes: AxisCause::ALL.to_vec(),
             target_shifts: true,
             sun_time: true,
-            least_log_evidence: 3.0,
+            least_log_evidence: 5.0,
             mishaps: Mishaps::default(),
             learnt_from: 128,
             expansions: 3,
@@ -166,6 +173,24 @@ struct Work<'a> {
     hyper: Hyper,
     common: Common,
     told: Sum,
+    /// How much likelier the records are with each common unknown that is a cause, as last looked at.
+    log_evidence: Vec<f64>,
+    level: SimdLevel,
+    /// All heliostats, those with most records first: eight of them go side by side.
+    order: Vec<usize>,
+}
+
+/// Groups of eight that are summed before others are added.
+const CHUNK: usize = 8;
+
+/// What was decided about the records of heliostats, by their number; nothing was found wrong where none is.
+type Decided = BTreeMap<usize, Marks>;
+
+/// Where the formula is made linear: radians, metres, seconds.
+struct Places {
+    /// Unknowns at rest, heliostat by heliostat.
+    still: Vec<f64>,
+    shared: Vec<f64>,
 }
 
 /// Fits a field together.
@@ -176,35 +201,43 @@ pub fn fit_joint(
     campaigns: &[Campaign<'_>],
     options: &JointOptions,
 ) -> Result<JointFit, CalibrationError> {
-    let mut work = Work::new(campaigns, options)?;
-    let mut expansions = work.beginnings();
-    let mut beliefs = Vec::new();
-    let mut rows = Vec::new();
-    let mut marks = Vec::new();
-    for pass in 0..options.expansions.max(1) {
-        rows = work.rows(&expansions);
-        marks = work.judge(&mut rows, pass == 0);
-        work.learn(&rows);
-        beliefs = work.believe(&rows);
-        if pass > 0 {
-            work.admit(&rows);
-            beliefs = work.believe(&rows);
+    fit_at(campaigns, options, SimdLevel::best())
+}
+
+fn fit_at(
+    campaigns: &[Campaign<'_>],
+    options: &JointOptions,
+    level: SimdLevel,
+) -> Result<JointFit, CalibrationError> {
+    let mut work = Work::new(campaigns, options, level)?;
+    let mut places = work.beginnings();
+    let mut pass = 0;
+    loop {
+        let (sample, decided) = work.sample(&places, pass == 0);
+        work.learn(&sample);
+        if pass == 0 {
+            work.meet(&sample);
+        } else {
+            work.admit_own(&sample);
         }
-        expansions = work.expansions(&beliefs);
+        let (known, marks) = work.believe(&places, decided);
+        if pass > 0 {
+            work.admit();
+        }
+        pass += 1;
+        if pass >= options.expansions.max(1) {
+            let likelihood = minus_log_likelihood(&sample, &work.hyper, &work.prior_sigma);
+            return Ok(work.finish(known, marks, likelihood));
+        }
+        places = work.places(&known);
     }
-    let likelihood = minus_log_likelihood(
-        work.shape,
-        &work.sample(&rows),
-        &work.hyper,
-        &work.prior_sigma,
-    );
-    Ok(work.finish(beliefs, &rows, marks, likelihood))
 }
 
 impl<'a> Work<'a> {
     fn new(
         campaigns: &'a [Campaign<'a>],
         options: &'a JointOptions,
+        level: SimdLevel,
     ) -> Result<Self, CalibrationError> {
         let latitude = options.site_latitude_rad;
         if latitude.is_nan() || latitude.abs() > core::f64::consts::FRAC_PI_2 {
@@ -265,9 +298,13 @@ impl<'a> Work<'a> {
             covariance,
             minus_log_likelihood: 0.0,
         };
+        let mut order: Vec<usize> = (0..campaigns.len()).collect();
+        order.sort_by_key(|&k| core::cmp::Reverse(campaigns[k].observations.len()));
         Ok(Self {
             campaigns,
             options,
+            level,
+            order,
             spread_free: vec![true; shape.still],
             structure,
             shape,
@@ -277,83 +314,113 @@ impl<'a> Work<'a> {
             hyper,
             common,
             told: Sum::nothing(shape),
+            log_evidence: vec![0.0; n],
         })
     }
 
     /// Where each heliostat's own fit leads, if it has records enough for one.
-    fn beginnings(&self) -> Vec<Expansion> {
-        let fits = fit_field(self.campaigns, &FieldFitOptions::default());
-        let shared = vec![0.0; self.shape.causes];
-        fits.into_iter()
-            .zip(self.campaigns)
-            .map(|(fit, campaign)| {
-                let mut still = vec![0.0; self.shape.still];
-                if let Ok(fit) = fit
-                    && campaign.observations.len() >= BEGIN_WITH_FIT
-                    && fit.parameters.values[..ANGLES]
-                        .iter()
-                        .all(|x| x.abs() < BEGIN_WITHIN_RAD)
-                {
-                    still[..ANGLES].copy_from_slice(&fit.parameters.values[..ANGLES]);
-                }
-                Expansion {
-                    still,
-                    shared: shared.clone(),
-                }
-            })
-            .collect()
+    fn beginnings(&self) -> Places {
+        let options = FieldFitOptions {
+            level: Some(self.level),
+            ..FieldFitOptions::default()
+        };
+        let fits = fit_field(self.campaigns, &options);
+        let mut places = Places {
+            still: vec![0.0; self.campaigns.len() * self.shape.still],
+            shared: vec![0.0; self.shape.causes],
+        };
+        let stills = places.still.chunks_exact_mut(self.shape.still);
+        for ((fit, campaign), still) in fits.into_iter().zip(self.campaigns).zip(stills) {
+            if let Ok(fit) = fit
+                && campaign.observations.len() >= BEGIN_WITH_FIT
+                && fit.parameters.values[..ANGLES]
+                    .iter()
+                    .all(|x| x.abs() < BEGIN_WITHIN_RAD)
+            {
+                still[..ANGLES].copy_from_slice(&fit.parameters.values[..ANGLES]);
+            }
+        }
+        places
     }
 
-    fn rows(&self, expansions: &[Expansion]) -> Vec<Rows> {
-        self.campaigns
-            .par_iter()
-            .zip(expansions)
-            .map(|(campaign, at)| Rows::of(&self.structure, campaign, at, self.pole))
-            .collect()
+    /// Linearises the records of up to eight heliostats.
+    fn linearise(&self, group: &mut Group, members: &[usize], places: &Places) {
+        let still = self.shape.still;
+        let heliostats = members.iter().map(|&k| {
+            (
+                &self.campaigns[k],
+                &places.still[k * still..(k + 1) * still],
+            )
+        });
+        group.fill(&self.structure, heliostats, self.pole);
+        group.linearise(self.level, &self.structure, &places.shared);
     }
 
-    /// Outliers and jumps, written into the rows.
-    fn judge(&self, rows: &mut [Rows], all: bool) -> Vec<Marks> {
-        rows.par_iter_mut()
-            .map(|rows| {
-                let mut doubtful = all;
-                if !all {
-                    filter(
-                        self.shape,
-                        rows,
-                        &self.hyper,
-                        &self.common.mean,
-                        |_, square| {
-                            doubtful |= square > JUDGED;
-                        },
-                    );
-                }
-                if !doubtful {
-                    return Marks::default();
-                }
-                let common = (&self.common.mean[..], &self.common.covariance[..]);
-                let mishaps = &self.options.mishaps;
-                let marks = judge(self.shape, rows, &self.hyper, common, mishaps);
-                rows.mark(self.shape, &marks, mishaps.jump_mrad);
-                marks
-            })
-            .collect()
+    /// Outliers and jumps of a heliostat, written into its records.
+    fn judge(&self, group: &mut Group, lane: usize, k: usize) -> Marks {
+        let rows = group.rows_of(self.shape, lane, &self.campaigns[k]);
+        let common = (&self.common.mean[..], &self.common.covariance[..]);
+        let mishaps = &self.options.mishaps;
+        let marks = judge(self.shape, &rows, &self.hyper, common, mishaps);
+        group.mark(self.shape, lane, &marks, mishaps.jump_mrad);
+        marks
     }
 
-    /// Heliostats that noise and wander are learnt from: evenly spaced among those with records.
-    fn sample(&self, rows: &[Rows]) -> Vec<Rows> {
-        let with: Vec<&Rows> = rows.iter().filter(|r| r.len() > 1).collect();
+    /// Heliostats that noise and wander are learnt from, evenly spaced among those with records, and what was
+    /// decided about the records of each: of all where `all`, else where one lies far from what was expected.
+    fn sample(&self, places: &Places, all: bool) -> (Sample, Decided) {
+        let with: Vec<usize> = (0..self.campaigns.len())
+            .filter(|&k| self.campaigns[k].observations.len() > 1)
+            .collect();
         let count = with.len().min(self.options.learnt_from.max(1));
-        (0..count)
-            .map(|k| with[k * with.len() / count].clone())
-            .collect()
+        let mut chosen: Vec<usize> = (0..count).map(|k| with[k * with.len() / count]).collect();
+        self.alike(&mut chosen);
+        let prior = Prior::new(self.shape, &self.hyper, &self.common.mean);
+        let each: Vec<(Group, Decided)> = chosen
+            .par_chunks(BLOCK)
+            .map(|members| {
+                let mut group = Group::default();
+                self.linearise(&mut group, members, places);
+                let mut known = Beliefs::default();
+                if !all {
+                    group.filter(self.level, &prior, &mut known);
+                }
+                let mut decided = Decided::new();
+                for (lane, &k) in members.iter().enumerate() {
+                    let marks = if all || known.farthest[lane] > JUDGED {
+                        self.judge(&mut group, lane, k)
+                    } else {
+                        Marks::default()
+                    };
+                    decided.insert(k, marks);
+                }
+                (group, decided)
+            })
+            .collect();
+        let mut decided = Decided::new();
+        let mut groups = Vec::with_capacity(each.len());
+        for (group, of_group) in each {
+            decided.extend(of_group);
+            groups.push(group);
+        }
+        let sample = Sample {
+            shape: self.shape,
+            level: self.level,
+            groups,
+            count,
+            about: self.common.mean.clone(),
+        };
+        (sample, decided)
     }
 
-    fn learn(&mut self, rows: &[Rows]) {
-        let sample = self.sample(rows);
+    /// Those with as many records side by side.
+    fn alike(&self, heliostats: &mut [usize]) {
+        heliostats.sort_by_key(|&k| core::cmp::Reverse(self.campaigns[k].observations.len()));
+    }
+
+    fn learn(&mut self, sample: &Sample) {
         learn(
-            self.shape,
-            &sample,
+            sample,
             &mut self.hyper,
             &self.prior_sigma,
             &self.expected_spread,
@@ -361,41 +428,133 @@ impl<'a> Work<'a> {
         );
     }
 
-    /// All heliostats' beliefs, and what is common.
-    fn believe(&mut self, rows: &[Rows]) -> Vec<Belief<f64>> {
-        let each: Vec<(Belief<f64>, Sum)> = rows
-            .par_iter()
-            .map(|rows| filter(self.shape, rows, &self.hyper, &[], |_, _| {}))
-            .collect();
-        let mut sum = Sum::nothing(self.shape);
-        for (_, of_one) in &each {
-            sum.add(of_one);
-        }
-        if let Some(common) = Common::new(&sum, &self.prior_sigma) {
+    /// What the sample alone says of what is common.
+    fn meet(&mut self, sample: &Sample) {
+        let (_, told) = sample.filter(&self.hyper);
+        if let Some(common) = Common::new(&told, &self.prior_sigma) {
             self.common = common;
         }
-        self.told = sum;
-        each.into_iter().map(|(belief, _)| belief).collect()
     }
 
-    /// Holds to zero, one after the other, the causes that the field's records do not speak for.
-    fn admit(&mut self, rows: &[Rows]) {
+    /// What is known of all heliostats, eight by eight in the order of `order`, and what is common. Records
+    /// about which nothing was decided yet are judged where one lies far from what was expected.
+    fn believe(&mut self, places: &Places, mut decided: Decided) -> (Vec<Beliefs>, Decided) {
+        let prior = Prior::new(self.shape, &self.hyper, &self.common.mean);
+        let work = &*self;
+        let each: Vec<(Vec<Beliefs>, Decided, Total)> = self
+            .order
+            .par_chunks(CHUNK * BLOCK)
+            .map_init(Group::default, |group, heliostats| {
+                let mut total = Total::nothing(work.shape);
+                let mut found = Decided::new();
+                let known = heliostats
+                    .chunks(BLOCK)
+                    .map(|members| {
+                        work.linearise(group, members, places);
+                        for (lane, k) in members.iter().enumerate() {
+                            if let Some(marks) = decided.get(k) {
+                                group.mark(work.shape, lane, marks, work.options.mishaps.jump_mrad);
+                            }
+                        }
+                        let mut known = Beliefs::default();
+                        let mut of_group = group.filter(work.level, &prior, &mut known);
+                        let mut again = false;
+                        for (lane, k) in members.iter().enumerate() {
+                            if known.farthest[lane] > JUDGED && !decided.contains_key(k) {
+                                found.insert(*k, work.judge(group, lane, *k));
+                                again = true;
+                            }
+                        }
+                        if again {
+                            of_group = group.filter(work.level, &prior, &mut known);
+                        }
+                        total.add(&of_group);
+                        known
+                    })
+                    .collect();
+                (known, found, total)
+            })
+            .collect();
+        let mut total = Total::nothing(self.shape);
+        let mut known = Vec::with_capacity(self.order.len().div_ceil(BLOCK));
+        for (of_chunk, found, of_total) in each {
+            total.add(&of_total);
+            known.extend(of_chunk);
+            decided.extend(found);
+        }
+        self.told = total.sum(self.shape, &self.common.mean);
+        self.meet_all();
+        (known, decided)
+    }
+
+    fn meet_all(&mut self) {
+        if let Some(common) = Common::new(&self.told, &self.prior_sigma) {
+            self.common = common;
+        }
+    }
+
+    /// Causes that stand or fall together: all shifts of targets, which together are nearly a turn of all
+    /// heliostats; each of the others by itself.
+    fn group(&self, k: usize) -> Vec<usize> {
+        let still = self.shape.still;
+        let shift = |k: &usize| {
+            let cause = k.checked_sub(still).map(|k| self.structure.shared[k]);
+            matches!(cause, Some(Cause::TargetRight(_) | Cause::TargetDown(_)))
+        };
+        if shift(&k) {
+            (still..self.shape.common()).filter(shift).collect()
+        } else {
+            vec![k]
+        }
+    }
+
+    /// Holds to zero mean and spread of those causes of each heliostat that the sample's records do not speak for.
+    fn admit_own(&mut self, sample: &Sample) {
+        let still = self.shape.still;
+        for k in ANGLES..still {
+            if !self.is_free(k) {
+                continue;
+            }
+            let mut hyper = self.hyper.clone();
+            let mut prior_sigma = self.prior_sigma.clone();
+            prior_sigma[k] *= HELD;
+            for i in 0..still {
+                hyper.spread[belief::at(i.max(k), i.min(k))] = 0.0;
+            }
+            hyper.spread[belief::at(k, k)] = HELD_VARIANCE;
+            let evidence = minus_log_likelihood(sample, &hyper, &prior_sigma)
+                - minus_log_likelihood(sample, &self.hyper, &self.prior_sigma);
+            self.log_evidence[k] = evidence;
+            if evidence < self.options.least_log_evidence {
+                self.hyper = hyper;
+                self.prior_sigma = prior_sigma;
+                self.spread_free[k] = false;
+            }
+        }
+    }
+
+    /// Holds to zero, the weakest first, the causes in common that the field's records do not speak for.
+    fn admit(&mut self) {
         let still = self.shape.still;
         loop {
-            let weakest = (0..self.shape.causes)
-                .filter(|&k| self.is_free(still + k))
-                .map(|k| {
-                    (
-                        self.common
-                            .log_evidence(still + k, self.prior_sigma[still + k]),
-                        k,
-                    )
-                })
-                .min_by(|a, b| a.0.total_cmp(&b.0));
+            let mut weakest: Option<(f64, Vec<usize>)> = None;
+            for k in still..self.shape.common() {
+                if !self.is_free(k) {
+                    continue;
+                }
+                let group = self.group(k);
+                let evidence = self.common.log_evidence(&group, &self.prior_sigma);
+                self.log_evidence[k] = evidence;
+                if weakest.as_ref().is_none_or(|(least, _)| evidence < *least) {
+                    weakest = Some((evidence, group));
+                }
+            }
             match weakest {
-                Some((evidence, k)) if evidence < self.options.least_log_evidence => {
-                    self.prior_sigma[still + k] *= HELD;
-                    self.believe(rows);
+                Some((evidence, group)) if evidence < self.options.least_log_evidence => {
+                    for k in group {
+                        self.prior_sigma[k] *= HELD;
+                    }
+                    self.meet_all();
                 }
                 _ => break,
             }
@@ -406,33 +565,25 @@ impl<'a> Work<'a> {
         self.prior_sigma[k] > 1e-6
     }
 
-    fn expansions(&self, beliefs: &[Belief<f64>]) -> Vec<Expansion> {
-        let shared: Vec<f64> = self
-            .structure
-            .shared
-            .iter()
-            .zip(&self.common.mean[self.shape.still..])
-            .map(|(&cause, value)| value / filter_unit(cause))
-            .collect();
-        beliefs
-            .iter()
-            .map(|belief| Expansion {
-                still: self.common.mean_of(belief)[..self.shape.still]
-                    .iter()
-                    .map(|x| x / MILLI)
-                    .collect(),
-                shared: shared.clone(),
-            })
-            .collect()
+    /// Where the formula is made linear next.
+    fn places(&self, known: &[Beliefs]) -> Places {
+        let still = self.shape.still;
+        let mut places = Places {
+            still: vec![0.0; self.campaigns.len() * still],
+            shared: shared_values(&self.structure, &self.common),
+        };
+        for (known, members) in known.iter().zip(self.order.chunks(BLOCK)) {
+            for (lane, &k) in members.iter().enumerate() {
+                let values = known.still(self.shape, lane, &self.common.mean);
+                for (to, value) in places.still[k * still..].iter_mut().zip(values) {
+                    *to = value / MILLI;
+                }
+            }
+        }
+        places
     }
 
-    fn finish(
-        self,
-        beliefs: Vec<Belief<f64>>,
-        rows: &[Rows],
-        marks: Vec<Marks>,
-        likelihood: f64,
-    ) -> JointFit {
+    fn finish(self, known: Vec<Beliefs>, mut marks: Decided, likelihood: f64) -> JointFit {
         let Shape { still, .. } = self.shape;
         let square = MILLI * MILLI;
         let spread: Vec<f64> = (0..still * still)
@@ -453,40 +604,47 @@ impl<'a> Work<'a> {
                 },
                 sigma: self.common.sigma(k) / unit,
                 spread,
-                log_evidence: self.common.log_evidence(k, self.prior_sigma[k]),
+                log_evidence: self.log_evidence[k],
                 admitted,
             }
         };
         let own = self.structure.own.iter().enumerate().map(|(k, &cause)| {
             let k = ANGLES + k;
-            common_cause(k, Cause::Axis(cause), libm::sqrt(spread[k * still + k]))
+            common_cause(
+                k,
+                Cause::Axis(cause),
+                if self.is_free(k) {
+                    libm::sqrt(spread[k * still + k])
+                } else {
+                    0.0
+                },
+            )
         });
         let shared = self.structure.shared.iter().enumerate();
         let shared = shared.map(|(k, &cause)| common_cause(still + k, cause, 0.0));
         let causes = own.chain(shared).collect();
-        let heliostats = beliefs
-            .into_iter()
-            .zip(rows)
-            .zip(marks)
-            .map(|((belief, rows), marks)| {
-                let mean = self.common.mean_of(&belief);
-                let covariance = self.common.covariance_of(&belief);
-                Posterior {
-                    still: mean[..still].iter().map(|x| x / MILLI).collect(),
-                    wandering: core::array::from_fn(|k| mean[still + k] / MILLI),
-                    covariance: covariance.iter().map(|x| x / square).collect(),
-                    last_day: rows.days.last().copied(),
-                    outliers: marks.outliers.iter().map(|&k| rows.of[k]).collect(),
-                    jumps: marks
-                        .jumps
-                        .iter()
-                        .map(|&(k, axis)| (rows.of[k], axis))
-                        .collect(),
-                    records: rows.len(),
-                    belief,
-                }
-            })
+        let mut heliostats: Vec<Option<Posterior>> = Vec::new();
+        heliostats.resize_with(self.campaigns.len(), || None);
+        let each: Vec<Vec<Posterior>> = known
+            .into_par_iter()
+            .zip(self.order.par_chunks(BLOCK))
+            .map(|(known, members)| self.posteriors(&known, members))
             .collect();
+        for (posteriors, members) in each.into_iter().zip(self.order.chunks(BLOCK)) {
+            for (posterior, &k) in posteriors.into_iter().zip(members) {
+                heliostats[k] = Some(posterior);
+            }
+        }
+        let mut heliostats: Vec<Posterior> = heliostats.into_iter().flatten().collect();
+        for (k, posterior) in heliostats.iter_mut().enumerate() {
+            if let Some(marks) = marks.remove(&k)
+                && marks != Marks::default()
+            {
+                let (of, _) = in_time(&self.campaigns[k]);
+                posterior.outliers = marks.outliers.iter().map(|&r| of[r]).collect();
+                posterior.jumps = marks.jumps.iter().map(|&(r, axis)| (of[r], axis)).collect();
+            }
+        }
         JointFit {
             causes,
             field_mean: self.common.mean[..still]
@@ -505,6 +663,86 @@ impl<'a> Work<'a> {
             prior_sigma: self.prior_sigma,
             mishaps: self.options.mishaps,
             site_latitude_rad: self.options.site_latitude_rad,
+        }
+    }
+
+    /// Of up to eight heliostats, but for outliers and jumps.
+    fn posteriors(&self, known: &Beliefs, members: &[usize]) -> Vec<Posterior> {
+        let Shape { still, .. } = self.shape;
+        let own = self.shape.own();
+        let settled = known.settle(self.level, self.shape, &self.common, false);
+        let posterior = |lane: usize, k: usize| {
+            let observations = self.campaigns[k].observations;
+            let covariance = (0..own * own).map(|p| {
+                let (i, j) = ((p / own).max(p % own), (p / own).min(p % own));
+                settled.covariance[belief::at(i, j)][lane] / (MILLI * MILLI)
+            });
+            let mean = |i: usize| settled.mean[i][lane] / MILLI;
+            let last_ns = observations.iter().filter_map(|o| o.unix_ns).max();
+            Posterior {
+                still: (0..still).map(mean).collect(),
+                wandering: core::array::from_fn(|i| mean(still + i)),
+                covariance: covariance.collect(),
+                last_day: (!observations.is_empty())
+                    .then(|| last_ns.unwrap_or_default() as f64 / DAY_NS),
+                outliers: Vec::new(),
+                jumps: Vec::new(),
+                records: observations.len(),
+                belief: known.belief(self.shape, lane),
+            }
+        };
+        members
+            .iter()
+            .enumerate()
+            .map(|(lane, &k)| posterior(lane, k))
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::simulate::{FieldOptions, simulate_field};
+    use super::*;
+
+    fn bits(fit: &JointFit) -> Vec<u64> {
+        let mut bits = vec![fit.minus_log_likelihood.to_bits()];
+        bits.extend(fit.causes.iter().map(|cause| cause.value.to_bits()));
+        for posterior in &fit.heliostats {
+            let numbers = posterior.still.iter().chain(&posterior.wandering);
+            bits.extend(numbers.chain(&posterior.covariance).map(|x| x.to_bits()));
+            bits.extend(posterior.outliers.iter().map(|&k| k as u64));
+        }
+        bits
+    }
+
+    #[test]
+    fn neither_instruction_set_nor_threads_change_a_bit() {
+        let options = FieldOptions {
+            heliostats: 21,
+            records: 12,
+            ..FieldOptions::new(5).unwrap()
+        };
+        let field = simulate_field(&options).unwrap();
+        let mut campaigns = field.first(12);
+        // of different lengths
+        campaigns[3].observations = &campaigns[3].observations[..5];
+        campaigns[8].observations = &[];
+        let options = JointOptions {
+            learnt_from: 6,
+            ..JointOptions::new(options.site.latitude_rad())
+        };
+        let best = bits(&fit_joint(&campaigns, &options).unwrap());
+        for &level in SimdLevel::available() {
+            let fit = fit_at(&campaigns, &options, level).unwrap();
+            assert_eq!(bits(&fit), best, "{level}");
+        }
+        for threads in [1, 3] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+            let fit = pool
+                .build()
+                .unwrap()
+                .install(|| fit_joint(&campaigns, &options));
+            assert_eq!(bits(&fit.unwrap()), best, "{threads} threads");
         }
     }
 }

@@ -17,7 +17,7 @@ pub(super) const ANGLES: usize = 6;
 /// Milliradians of a radian: the unit of angles in the filter.
 pub(super) const MILLI: f64 = 1e3;
 /// The sun's turn about the pole \[rad/s\].
-const SUN_TURN_RAD_S: f64 = TAU / 86_400.0;
+pub(super) const SUN_TURN_RAD_S: f64 = TAU / 86_400.0;
 /// Nanoseconds of a day.
 pub(super) const DAY_NS: f64 = 86_400e9;
 
@@ -36,6 +36,7 @@ impl Structure {
             still: ANGLES + self.own.len(),
             causes: self.shared.len(),
             tied: true,
+            means: true,
         }
     }
 }
@@ -70,31 +71,104 @@ pub(super) struct Prepared<T> {
     pub across: [[T; 2]; 2],
 }
 
-/// The numbers of a linearised record (see [`column`]) but for time and noise; false where the beam does not meet
-/// the target.
+/// Where the formula is made linear for a heliostat, ready for its records.
+pub(super) struct Place<'a, T> {
+    /// Unknowns at rest, then the mirror offset.
+    still: &'a [T],
+    shared: &'a [T],
+    pose: Pose<T>,
+    /// Cosine and sine of the references.
+    references: [[T; 2]; 2],
+}
+
+#[inline(always)]
+fn cos_sin<T: Number>(angle: T) -> [T; 2] {
+    let (sine, cosine) = angle.sin_cos();
+    [cosine, sine]
+}
+
+impl<'a, T: Number> Place<'a, T> {
+    #[inline(always)]
+    pub fn new(still: &'a [T], shared: &'a [T]) -> Self {
+        let mut values = [T::splat(0.0); COUNT];
+        values[..ANGLES].copy_from_slice(&still[..ANGLES]);
+        values[Parameter::MirrorOffset as usize] = still[still.len() - 1];
+        Self {
+            still,
+            shared,
+            pose: Pose::new(values),
+            references: [cos_sin(still[REFERENCES[0]]), cos_sin(still[REFERENCES[1]])],
+        }
+    }
+}
+
+/// Adds what a cause turns both axes by.
+#[inline(always)]
+fn add_turn<T: Number>(turn: &mut [T; 2], cause: AxisCause, value: T, loaded: &LoadedPose<T>) {
+    let by = cause.turn(loaded);
+    *turn = [value.mul_add(by[0], turn[0]), value.mul_add(by[1], turn[1])];
+}
+
+#[inline(always)]
+fn times<T: Number>(across: &[[T; 2]; 2], v: [T; 2]) -> [T; 2] {
+    let [[right0, down0], [right1, down1]] = *across;
+    [
+        right0.mul_add(v[0], down0 * v[1]),
+        right1.mul_add(v[0], down1 * v[1]),
+    ]
+}
+
+/// Writes a slope down, and takes what it explains at `scaled` into what is seen.
+#[inline(always)]
+fn put<T: Number>(to: &mut [T], seen: &mut [T; 2], slope: [T; 2], scaled: T) {
+    to[0] = slope[0];
+    to[1] = slope[1];
+    *seen = [
+        slope[0].mul_add(scaled, seen[0]),
+        slope[1].mul_add(scaled, seen[1]),
+    ];
+}
+
+#[inline(always)]
+fn by_turn<T: Number>(
+    cause: AxisCause,
+    loaded: &LoadedPose<T>,
+    references: &[[T; 2]; 2],
+) -> [T; 2] {
+    let [by1, by2] = cause.turn(loaded);
+    [
+        -(references[0][0] * by1) - references[1][0] * by2,
+        -(references[0][1] * by1) - references[1][1] * by2,
+    ]
+}
+
+#[inline(always)]
+fn dot<T: Number>(a: [T; 3], b: [T; 3]) -> T {
+    a[2].mul_add(b[2], a[1].mul_add(b[1], a[0] * b[0]))
+}
+
+/// The numbers of a linearised record (see [`column`]) but for time and noise, and three numbers that are positive
+/// where the beam meets the target. The target by its number.
 #[inline(always)]
 pub(super) fn linearise<T: Number>(
     structure: &Structure,
-    at: (&[T], &[T]),
+    place: &Place<'_, T>,
     prepared: &Prepared<T>,
-    target: usize,
+    target: T,
     row: &mut [T],
 ) -> [T; 3] {
-    let (still, shared) = at;
+    let Place {
+        still,
+        shared,
+        pose,
+        references,
+    } = place;
     let zero = T::splat(0.0);
     let sighting = &prepared.sighting;
-    let mut values = [zero; COUNT];
-    values[..ANGLES].copy_from_slice(&still[..ANGLES]);
-    values[Parameter::MirrorOffset as usize] = still[still.len() - 1];
-    let pose = Pose::new(values);
     // The loaded pose: true angles = read angles less references, turned by the causes there.
-    let cos_sin = |angle: T| {
-        let (sine, cosine) = angle.sin_cos();
-        [cosine, sine]
-    };
     let unloaded = [
-        turned_back(sighting.axis1, cos_sin(still[REFERENCES[0]])),
-        turned_back(sighting.axis2, cos_sin(still[REFERENCES[1]])),
+        turned_back(sighting.axis1, references[0]),
+        turned_back(sighting.axis2, references[1]),
     ];
     let mut turn = [zero; 2];
     let mut loaded = LoadedPose {
@@ -102,102 +176,88 @@ pub(super) fn linearise<T: Number>(
         axis2: unloaded[1],
         up: sighting.up,
     };
-    let mut axis_causes = 0;
-    for _ in 0..LOADING_STEPS {
-        turn = [zero; 2];
-        axis_causes = 0;
-        let mut add = |cause: AxisCause, value: T| {
-            let by = cause.turn(&loaded);
-            turn = [value.mul_add(by[0], turn[0]), value.mul_add(by[1], turn[1])];
-            axis_causes += 1;
-        };
-        for (k, &cause) in structure.own.iter().enumerate() {
-            add(cause, still[ANGLES + k]);
-        }
-        for (&cause, &value) in structure.shared.iter().zip(shared) {
-            if let Cause::Axis(cause) = cause {
-                add(cause, value);
-            }
-        }
-        if axis_causes == 0 {
-            break;
-        }
-        loaded.axis1 = turned_on(unloaded[0], turn[0]);
-        loaded.axis2 = turned_on(unloaded[1], turn[1]);
-    }
+    let of_axes = structure
+        .shared
+        .iter()
+        .any(|cause| matches!(cause, Cause::Axis(_)));
     let mut turned = *sighting;
-    if axis_causes > 0 {
+    if of_axes || !structure.own.is_empty() {
+        for _ in 0..LOADING_STEPS {
+            turn = [zero; 2];
+            for (k, &cause) in structure.own.iter().enumerate() {
+                add_turn(&mut turn, cause, still[ANGLES + k], &loaded);
+            }
+            for (&cause, &value) in structure.shared.iter().zip(*shared) {
+                if let Cause::Axis(cause) = cause {
+                    add_turn(&mut turn, cause, value, &loaded);
+                }
+            }
+            loaded.axis1 = turned_on(unloaded[0], turn[0]);
+            loaded.axis2 = turned_on(unloaded[1], turn[1]);
+        }
         turned.axis1 = turned_on(sighting.axis1, turn[0]);
         turned.axis2 = turned_on(sighting.axis2, turn[1]);
     }
     turned.pose_errors = None;
-    let land = landing(&pose, &turned);
-    let across = |v: [T; 2]| {
-        prepared
-            .across
-            .map(|[right, down]| right.mul_add(v[0], down * v[1]))
-    };
+    let land = landing(pose, &turned);
+    let across = &prepared.across;
     // across the beam, per milliradian or in the filter's unit
     let per_milli = T::splat(1.0 / MILLI);
     let (slopes, rest) = row.split_at_mut(2 * (ANGLES + structure.own.len()));
     let (by_cause, rest) = rest.split_at_mut(2 * structure.shared.len());
-    let mut seen = across([-land.residual_m[0], -land.residual_m[1]]);
-    let mut put = |to: &mut [T], slope: [T; 2], value: T, unit: T| {
-        to[0] = slope[0];
-        to[1] = slope[1];
-        let scaled = value * unit;
-        seen = [
-            slope[0].mul_add(scaled, seen[0]),
-            slope[1].mul_add(scaled, seen[1]),
-        ];
-    };
+    let mut seen = times(across, [-land.residual_m[0], -land.residual_m[1]]);
     let milli = T::splat(MILLI);
     for k in 0..ANGLES {
-        let slope = across([land.slopes[0][k] * per_milli, land.slopes[1][k] * per_milli]);
-        put(&mut slopes[2 * k..2 * k + 2], slope, still[k], milli);
-    }
-    let reference = |k: usize| [slopes[2 * REFERENCES[k]], slopes[2 * REFERENCES[k] + 1]];
-    let references = [reference(0), reference(1)];
-    let by_turn = |cause: AxisCause| {
-        let [by1, by2] = cause.turn(&loaded);
-        [0, 1].map(|i| -(references[0][i] * by1) - references[1][i] * by2)
-    };
-    for (k, &cause) in structure.own.iter().enumerate() {
-        let k = ANGLES + k;
+        let moved = [land.slopes[0][k] * per_milli, land.slopes[1][k] * per_milli];
+        let slope = times(across, moved);
         put(
             &mut slopes[2 * k..2 * k + 2],
-            by_turn(cause),
-            still[k],
-            milli,
+            &mut seen,
+            slope,
+            still[k] * milli,
+        );
+    }
+    let [first, second] = REFERENCES;
+    let references = [
+        [slopes[2 * first], slopes[2 * first + 1]],
+        [slopes[2 * second], slopes[2 * second + 1]],
+    ];
+    for (k, &cause) in structure.own.iter().enumerate() {
+        let k = ANGLES + k;
+        let slope = by_turn(cause, &loaded, &references);
+        put(
+            &mut slopes[2 * k..2 * k + 2],
+            &mut seen,
+            slope,
+            still[k] * milli,
         );
     }
     // r = 2 (s·n) n - s and the spot's lambda r move with s
-    let n = normal(&pose, &turned).n;
-    let dot = |a: [T; 3], b: [T; 3]| a[2].mul_add(b[2], a[1].mul_add(b[1], a[0] * b[0]));
+    let n = normal(pose, &turned).n;
     let double = T::splat(2.0) * land.cos_incidence;
-    let beam: [T; 3] = core::array::from_fn(|k| double.mul_add(n[k], -turned.sun[k]));
     let motion = prepared.sun_motion;
     let along = T::splat(2.0) * dot(motion, n);
-    let moved: [T; 3] = core::array::from_fn(|k| along.mul_add(n[k], -motion[k]));
     let [plane_normal, right, down] = turned.plane;
+    let mut beam = [zero; 3];
+    let mut moved = [zero; 3];
+    for k in 0..3 {
+        beam[k] = double.mul_add(n[k], -turned.sun[k]);
+        moved[k] = along.mul_add(n[k], -motion[k]);
+    }
     let slip = dot(plane_normal, moved) / land.facing;
-    let moved: [T; 3] = core::array::from_fn(|k| land.beam_m * (moved[k] - slip * beam[k]));
-    let path = across([dot(right, moved), dot(down, moved)]);
-    let one = T::splat(1.0);
+    for k in 0..3 {
+        moved[k] = land.beam_m * (moved[k] - slip * beam[k]);
+    }
+    let path = times(across, [dot(right, moved), dot(down, moved)]);
     for (k, &cause) in structure.shared.iter().enumerate() {
-        let slope = match cause {
-            Cause::Axis(cause) => by_turn(cause),
-            Cause::TargetRight(of) if of == target => across([one, zero]),
-            Cause::TargetDown(of) if of == target => across([zero, one]),
-            Cause::TargetRight(_) | Cause::TargetDown(_) => [zero; 2],
-            Cause::SunTime => path,
-        };
         // Of the causes the formula knows those alone that turn axes: the others add to what it predicts.
-        let value = match cause {
-            Cause::Axis(_) => shared[k],
-            _ => zero,
+        let (slope, scaled) = match cause {
+            Cause::Axis(cause) => (by_turn(cause, &loaded, &references), shared[k] * milli),
+            Cause::TargetRight(of) => (times(across, [target.is(of as f64), zero]), zero),
+            Cause::TargetDown(of) => (times(across, [zero, target.is(of as f64)]), zero),
+            Cause::SunTime => (path, zero),
         };
-        put(&mut by_cause[2 * k..2 * k + 2], slope, value, milli);
+        put(&mut by_cause[2 * k..2 * k + 2], &mut seen, slope, scaled);
     }
     rest[column::SEEN] = seen[0];
     rest[column::SEEN + 1] = seen[1];
@@ -286,16 +346,11 @@ impl Rows {
         let mut numbers = vec![0.0; of.len() * shape.row()];
         let mut still = at.still.clone();
         still.push(campaign.mount.mirror_offset_m);
+        let place = Place::new(&still, &at.shared);
         for (k, row) in numbers.chunks_exact_mut(shape.row()).enumerate() {
             let observation = &campaign.observations[of[k]];
             let prepared = prepare(campaign, of[k], pole);
-            let lands = linearise(
-                structure,
-                (&still, &at.shared),
-                &prepared,
-                observation.target,
-                row,
-            );
+            let lands = linearise(structure, &place, &prepared, observation.target as f64, row);
             let rest = shape.row() - column::REST;
             let numbers_finite = row.iter().all(|x| x.is_finite());
             if !(numbers_finite && lands.iter().all(|x| *x > 0.0)) {

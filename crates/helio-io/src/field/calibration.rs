@@ -40,6 +40,10 @@ pub(crate) const IGNORED: &[&str] = &[
     "field_hash",
     "options_hash",
     "year_pointing_mrad",
+    "jumps",
+    "axis1_zero_mrad",
+    "axis2_zero_mrad",
+    "foretold_mrad",
     "why",
 ];
 

@@ -12,3 +12,4 @@ mod messages;
 mod observations;
 mod robust;
 mod schema;
+mod state;

@@ -4,6 +4,7 @@ mod asked;
 mod changes;
 mod day;
 mod heliostats;
+mod joint;
 mod proposals;
 mod rejected;
 mod resume;
@@ -37,6 +38,9 @@ const SAID: usize = 40;
 
 pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Failure> {
     plan::threads(args.out.threads)?;
+    if args.joint.joint || args.joint.update.is_some() {
+        return joint::run(args, printer);
+    }
     let format = plan::format(args.out.out.as_deref(), args.out.format)?;
     let loaded = plan::field(&args.field, printer)?;
     let asked = Asked::new(&args.fit)?;
@@ -206,6 +210,10 @@ fn different_outputs(args: &CalibrateArgs) -> Result<(), Failure> {
         ("--report", args.report.as_deref()),
         ("--rejected", args.rejected.as_deref()),
         ("--plan-out", args.plan_out.as_deref()),
+        ("--causes", args.joint.causes.as_deref()),
+        ("--steps", args.joint.steps.as_deref()),
+        ("--state", args.joint.state.as_deref()),
+        ("--update", args.joint.update.as_deref()),
     ];
     let printed = |path: &Option<PathBuf>| path.as_deref().is_some_and(means_stdout);
     // Without --out the calibration goes there, or the proposals in its place if they too have no file.
@@ -216,6 +224,8 @@ fn different_outputs(args: &CalibrateArgs) -> Result<(), Failure> {
             printed(&args.out.out) || (args.out.out.is_none() && !proposals),
         ),
         ("--rejected", printed(&args.rejected)),
+        ("--causes", printed(&args.joint.causes)),
+        ("--steps", printed(&args.joint.steps)),
         (
             "--plan-out (which is standard output where it is not given)",
             printed(&args.plan_out) || proposals,
@@ -231,7 +241,10 @@ fn different_outputs(args: &CalibrateArgs) -> Result<(), Failure> {
     }
     for (k, (one, path)) in outputs.iter().enumerate() {
         for (other, again) in &outputs[..k] {
-            plan::not_the_same((other, *again), (one, *path))?;
+            // A state may be written back under its own name said twice.
+            if [*other, *one] != ["--state", "--update"] {
+                plan::not_the_same((other, *again), (one, *path))?;
+            }
         }
     }
     Ok(())

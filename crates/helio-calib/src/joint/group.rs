@@ -1,0 +1,850 @@
+//! Eight heliostats of a joint fit side by side: their records linearised and filtered in lanes.
+//!
+//! The filter of [`belief`](super::belief) with two shortcuts. It starts at what is expected of the common
+//! unknowns and not at zero, so that surprises need no common unknowns. And it carries the causes alone: a
+//! heliostat's records depend on the field's means through its own unknowns only, whose prior they are, so
+//! that all that is told of them follows from what is known after the last record. With Σ the prior's
+//! covariance, P that of unknowns at rest afterwards and G their gain by the causes: the gain by the means is
+//! P Σ⁻¹, and the normal equations have Σ⁻¹ - Σ⁻¹ P Σ⁻¹, the mixed block -Σ⁻¹ G, and Σ⁻¹ (m - mean).
+
+use faer::prelude::Solve;
+use faer::{Mat, Side};
+use helio_core::lanes::{BLOCK, Columns, Kernel, Lanes, run};
+use helio_core::{Enu, SimdLevel};
+use rayon::prelude::*;
+
+use super::belief::{Belief, Number, Rates, Room, Shape, Told, WANDERING, at, column};
+use super::common::{Common, Sum};
+use super::hyper::{Hyper, Marks};
+use super::rows::{
+    DAY_NS, MILLI, Place, Prepared, Rows, SUN_TURN_RAD_S, Structure, in_time, linearise,
+};
+use crate::field::Campaign;
+use crate::field::lane::{Eight, Lane};
+use crate::model::Real;
+use crate::observation::{Observation, Sighting};
+
+impl<L: Lanes> Number for Lane<L> {
+    #[inline(always)]
+    fn square_root(self) -> Self {
+        self.sqrt()
+    }
+    #[inline(always)]
+    fn is(self, value: f64) -> Self {
+        let value = Self::splat(value);
+        let below = Self::select(self.lt(value), Self::splat(0.0), Self::splat(1.0));
+        Self::select(value.lt(self), Self::splat(0.0), below)
+    }
+}
+
+/// Columns of a record as given, along the world's axes.
+mod given {
+    pub const SUN: usize = 0;
+    pub const ANGLES: usize = 3;
+    /// Centre, normal, right, down.
+    pub const PLANE: usize = 5;
+    pub const SPOT: usize = 17;
+    /// Zero where none is stated.
+    pub const SIGMA: usize = 19;
+    pub const TARGET: usize = 20;
+    /// Since the record before.
+    pub const DAYS: usize = 21;
+    /// 0 where there is no record.
+    pub const LIVE: usize = 22;
+    pub const COUNT: usize = 23;
+}
+
+/// Columns of a mount: its axes, its pivot, the celestial pole.
+const MOUNT: usize = 15;
+
+/// Records whose determinants are multiplied before a logarithm is taken: far from the ends of a double.
+const TOGETHER: usize = 8;
+
+/// Room for eight heliostats, used again and again.
+#[derive(Debug, Default)]
+pub(super) struct Group {
+    given: Vec<Columns<{ given::COUNT }>>,
+    /// As [`column`] says, record after record.
+    rows: Vec<Eight>,
+    mount: Vec<Eight>,
+    /// Where the formula is made linear, then the mirror offset.
+    still: Vec<Eight>,
+    /// 1 for a heliostat, 0 for a place that nobody takes.
+    taken: Eight,
+    length: usize,
+}
+
+/// What is known of eight heliostats after their records, as [`Belief`] has it.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Beliefs {
+    pub mean: Vec<Eight>,
+    pub gain: Vec<Eight>,
+    pub spread: Vec<Eight>,
+    /// Farthest that a record lies from what was expected: chi-squared with two degrees of freedom.
+    pub farthest: Eight,
+}
+
+/// What some groups tell of what is common, about some value of it.
+#[derive(Debug, Clone)]
+pub(super) struct Total {
+    matrix: Vec<Eight>,
+    vector: Vec<Eight>,
+    square: Eight,
+    log_determinant: f64,
+    determinants: Vec<Eight>,
+}
+
+impl Total {
+    pub fn nothing(shape: Shape) -> Self {
+        let zero = [0.0; BLOCK];
+        Self {
+            matrix: vec![zero; Shape::triangle(shape.common())],
+            vector: vec![zero; shape.common()],
+            square: zero,
+            log_determinant: 0.0,
+            determinants: Vec::new(),
+        }
+    }
+
+    pub fn add(&mut self, other: &Self) {
+        let add = |to: &mut [Eight], from: &[Eight]| {
+            for (a, b) in to.as_flattened_mut().iter_mut().zip(from.as_flattened()) {
+                *a += b;
+            }
+        };
+        add(&mut self.matrix, &other.matrix);
+        add(&mut self.vector, &other.vector);
+        add(
+            core::slice::from_mut(&mut self.square),
+            core::slice::from_ref(&other.square),
+        );
+        self.log_determinant += other.log_determinant;
+    }
+
+    /// The same about zero.
+    pub fn sum(&self, shape: Shape, about: &[f64]) -> Sum {
+        let of_lanes = |lanes: &Eight| lanes.iter().sum::<f64>();
+        let mut told = Told::nothing(shape);
+        told.matrix = self.matrix.iter().map(of_lanes).collect();
+        let left: Vec<f64> = self.vector.iter().map(of_lanes).collect();
+        told.square = of_lanes(&self.square);
+        for (i, left) in left.iter().enumerate() {
+            let mut moved = 0.0;
+            for (j, b) in about.iter().enumerate() {
+                moved += told.matrix[at(i.max(j), i.min(j))] * b;
+            }
+            told.vector[i] = left + moved;
+            told.square += about[i] * (left + told.vector[i]);
+        }
+        Sum::new(told, self.log_determinant)
+    }
+}
+
+/// What the filter is to know: noise, wander, heliostats' spread, and about what common unknowns.
+#[derive(Debug)]
+pub(super) struct Prior<'a> {
+    shape: Shape,
+    rates: Rates,
+    spread: &'a [f64],
+    /// Σ⁻¹, row by row; not finite where Σ is none.
+    per_spread: Vec<f64>,
+    about: &'a [f64],
+}
+
+impl<'a> Prior<'a> {
+    pub fn new(shape: Shape, hyper: &'a Hyper, about: &'a [f64]) -> Self {
+        let n = shape.still;
+        let spread = &hyper.spread[..];
+        let matrix = Mat::from_fn(n, n, |i, j| spread[at(i.max(j), i.min(j))]);
+        let per_spread = matrix.llt(Side::Lower).map_or_else(
+            |_| vec![f64::NAN; n * n],
+            |factor| {
+                let inverse = factor.solve(Mat::<f64>::identity(n, n));
+                (0..n * n).map(|k| inverse[(k / n, k % n)]).collect()
+            },
+        );
+        Self {
+            shape,
+            rates: hyper.rates(),
+            spread,
+            per_spread,
+            about,
+        }
+    }
+}
+
+impl Group {
+    /// Takes heliostats and where the formula is made linear for each.
+    pub fn fill<'a>(
+        &mut self,
+        structure: &Structure,
+        heliostats: impl ExactSizeIterator<Item = (&'a Campaign<'a>, &'a [f64])> + Clone,
+        pole: Enu,
+    ) {
+        let still = structure.shape().still;
+        let zero = [0.0; BLOCK];
+        self.length = heliostats
+            .clone()
+            .map(|(campaign, _)| campaign.observations.len())
+            .max()
+            .unwrap_or(0);
+        self.given.clear();
+        self.given
+            .resize(self.length, Columns([zero; given::COUNT]));
+        self.mount.clear();
+        self.mount.resize(MOUNT, zero);
+        self.still.clear();
+        self.still.resize(still + 1, zero);
+        self.taken = zero;
+        let count = heliostats.len();
+        for (lane, (campaign, at)) in heliostats.enumerate() {
+            self.taken[lane] = 1.0;
+            let mount = &campaign.mount;
+            let axes = mount.axes;
+            let of_mount =
+                [axes.axis1, axes.axis2, axes.axis3].map(|axis| [axis.east, axis.north, axis.up]);
+            for (k, value) in of_mount.as_flattened().iter().enumerate() {
+                self.mount[k][lane] = *value;
+            }
+            let rest = [mount.pivot, pole].map(|v| [v.east, v.north, v.up]);
+            for (k, value) in rest.as_flattened().iter().enumerate() {
+                self.mount[9 + k][lane] = *value;
+            }
+            for (k, value) in at.iter().enumerate() {
+                self.still[k][lane] = *value;
+            }
+            self.still[still][lane] = mount.mirror_offset_m;
+            let observations = campaign.observations;
+            if observations.is_sorted_by_key(|o| o.unix_ns.unwrap_or(i64::MIN))
+                && observations.first().is_none_or(|o| o.unix_ns.is_some())
+            {
+                let mut last = None;
+                for (columns, observation) in self.given.iter_mut().zip(observations) {
+                    let day = observation.unix_ns.unwrap_or_default() as f64 / DAY_NS;
+                    place(columns, lane, observation, day - last.unwrap_or(day));
+                    last = Some(day);
+                }
+            } else {
+                let (of, days) = in_time(campaign);
+                let mut last = None;
+                for (columns, (&k, &day)) in self.given.iter_mut().zip(of.iter().zip(&days)) {
+                    place(columns, lane, &observations[k], day - last.unwrap_or(day));
+                    last = Some(day);
+                }
+            }
+        }
+        // places that nobody takes: any mount, any record
+        for lane in count..BLOCK {
+            for columns in [&mut self.mount, &mut self.still] {
+                for values in columns.iter_mut() {
+                    values[lane] = values[0];
+                }
+            }
+        }
+    }
+
+    /// Linearises the records.
+    pub fn linearise(&mut self, level: SimdLevel, structure: &Structure, shared: &[f64]) {
+        let needed = self.length * structure.shape().row();
+        self.rows.clear();
+        self.rows.resize(needed, [0.0; BLOCK]);
+        run(
+            level,
+            Linearise {
+                structure,
+                shared,
+                group: self,
+            },
+        );
+    }
+
+    /// Writes down what was decided about the records of a heliostat.
+    pub fn mark(&mut self, shape: Shape, lane: usize, marks: &Marks, jump_mrad: f64) {
+        let rest = shape.row() - column::REST;
+        for &k in &marks.outliers {
+            self.rows[k * shape.row() + rest + column::SILENT][lane] = 1.0;
+        }
+        for &(k, axis) in &marks.jumps {
+            self.rows[k * shape.row() + rest + column::JUMP + axis][lane] = jump_mrad * jump_mrad;
+        }
+    }
+
+    /// The linearised records of a heliostat by themselves.
+    pub fn rows_of(&self, shape: Shape, lane: usize, campaign: &Campaign<'_>) -> Rows {
+        let (of, days) = in_time(campaign);
+        let wanted = self.rows[..of.len() * shape.row()].iter();
+        Rows {
+            numbers: wanted.map(|values| values[lane]).collect(),
+            of,
+            days,
+        }
+    }
+
+    /// Goes through all records.
+    pub fn filter(&self, level: SimdLevel, prior: &Prior<'_>, known: &mut Beliefs) -> Total {
+        let shape = prior.shape;
+        let zero = [0.0; BLOCK];
+        known.mean.resize(shape.own(), zero);
+        known.gain.resize(shape.own() * shape.common(), zero);
+        known.spread.resize(Shape::triangle(shape.own()), zero);
+        known.farthest = zero;
+        let mut total = Total::nothing(shape);
+        total
+            .determinants
+            .resize(self.length.div_ceil(TOGETHER), [1.0; BLOCK]);
+        run(
+            level,
+            Filter {
+                group: self,
+                prior,
+                known,
+                total: &mut total,
+            },
+        );
+        for product in &total.determinants {
+            for (value, taken) in product.iter().zip(&self.taken) {
+                if *taken > 0.0 {
+                    total.log_determinant += 2.0 * libm::log(*value);
+                }
+            }
+        }
+        total
+    }
+}
+
+#[inline(always)]
+fn place(
+    columns: &mut Columns<{ given::COUNT }>,
+    lane: usize,
+    observation: &Observation,
+    days: f64,
+) {
+    let columns = &mut columns.0;
+    let plane = &observation.plane;
+    let vectors = [
+        (given::SUN, observation.sun.as_enu()),
+        (given::PLANE, plane.centre),
+        (given::PLANE + 3, plane.normal.as_enu()),
+        (given::PLANE + 6, plane.right.as_enu()),
+        (given::PLANE + 9, plane.down.as_enu()),
+    ];
+    for (first, vector) in vectors {
+        columns[first][lane] = vector.east;
+        columns[first + 1][lane] = vector.north;
+        columns[first + 2][lane] = vector.up;
+    }
+    columns[given::ANGLES][lane] = observation.axis1_rad;
+    columns[given::ANGLES + 1][lane] = observation.axis2_rad;
+    columns[given::SPOT][lane] = observation.u_m;
+    columns[given::SPOT + 1][lane] = observation.v_m;
+    columns[given::SIGMA][lane] = observation.sigma_m.unwrap_or(0.0);
+    columns[given::TARGET][lane] = observation.target as f64;
+    columns[given::DAYS][lane] = days;
+    columns[given::LIVE][lane] = 1.0;
+}
+
+#[inline(always)]
+fn dot<L: Lanes>(a: &[Lane<L>; 3], b: &[Lane<L>; 3]) -> Lane<L> {
+    a[2].mul_add(b[2], a[1].mul_add(b[1], a[0] * b[0]))
+}
+
+#[inline(always)]
+fn three<L: Lanes>(from: &[Eight], lane: usize) -> [Lane<L>; 3] {
+    [
+        Lane::read(&from[0], lane),
+        Lane::read(&from[1], lane),
+        Lane::read(&from[2], lane),
+    ]
+}
+
+#[inline(always)]
+fn along<L: Lanes>(axes: &[[Lane<L>; 3]; 3], vector: &[Lane<L>; 3]) -> [Lane<L>; 3] {
+    [
+        dot(&axes[0], vector),
+        dot(&axes[1], vector),
+        dot(&axes[2], vector),
+    ]
+}
+
+struct Linearise<'a> {
+    structure: &'a Structure,
+    shared: &'a [f64],
+    group: &'a mut Group,
+}
+
+impl Kernel for Linearise<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let mut lane = 0;
+        while lane < BLOCK {
+            linearise_some::<L>(self.structure, self.shared, self.group, lane);
+            lane += L::WIDTH;
+        }
+    }
+}
+
+/// See [`prepare`](super::rows::prepare) and [`Rows::of`].
+#[inline(always)]
+fn linearise_some<L: Lanes>(
+    structure: &Structure,
+    shared_values: &[f64],
+    group: &mut Group,
+    lane: usize,
+) {
+    let shape = structure.shape();
+    let (zero, one) = (Lane::<L>::splat(0.0), Lane::<L>::splat(1.0));
+    let mut still = vec![zero; group.still.len()];
+    for k in 0..still.len() {
+        still[k] = Lane::read(&group.still[k], lane);
+    }
+    let mut shared = vec![zero; shared_values.len()];
+    for k in 0..shared.len() {
+        shared[k] = Lane::splat(shared_values[k]);
+    }
+    let place = Place::new(&still, &shared);
+    let mount = &group.mount;
+    let axes = [
+        three::<L>(&mount[0..3], lane),
+        three(&mount[3..6], lane),
+        three(&mount[6..9], lane),
+    ];
+    let pivot = three::<L>(&mount[9..12], lane);
+    let pole = three::<L>(&mount[12..15], lane);
+    let mut row = vec![zero; shape.row()];
+    let rest = shape.row() - column::REST;
+    for (given, out) in group
+        .given
+        .iter()
+        .zip(group.rows.chunks_exact_mut(shape.row()))
+    {
+        let given = &given.0;
+        let sun = three::<L>(&given[given::SUN..], lane);
+        let centre = three::<L>(&given[given::PLANE..], lane);
+        let normal = three::<L>(&given[given::PLANE + 3..], lane);
+        let right = three::<L>(&given[given::PLANE + 6..], lane);
+        let down = three::<L>(&given[given::PLANE + 9..], lane);
+        let centre = [
+            centre[0] - pivot[0],
+            centre[1] - pivot[1],
+            centre[2] - pivot[2],
+        ];
+        let turn = Lane::splat(SUN_TURN_RAD_S);
+        let motion = [
+            (sun[1] * pole[2] - sun[2] * pole[1]) * turn,
+            (sun[2] * pole[0] - sun[0] * pole[2]) * turn,
+            (sun[0] * pole[1] - sun[1] * pole[0]) * turn,
+        ];
+        let (sin1, cos1) = Lane::<L>::read(&given[given::ANGLES], lane).sin_cos();
+        let (sin2, cos2) = Lane::<L>::read(&given[given::ANGLES + 1], lane).sin_cos();
+        let along_normal = dot(&normal, &centre);
+        let u = dot(&right, &centre) + Lane::read(&given[given::SPOT], lane);
+        let v = dot(&down, &centre) + Lane::read(&given[given::SPOT + 1], lane);
+        // see `Sighting::across_beam`
+        let square = u * u + v * v;
+        let level = square.sqrt();
+        let slant = along_normal.mul_add(along_normal, square).sqrt();
+        let per = Lane::splat(MILLI) / slant;
+        let per_level = one / level;
+        let on_axis = square.le(zero);
+        let cosine = Lane::select(on_axis, zero, u * per_level);
+        let sine = Lane::select(on_axis, -one, v * per_level);
+        let shortened = Lane::select(on_axis, one, along_normal.abs() / slant);
+        let short = per * shortened;
+        let prepared = Prepared {
+            sighting: Sighting {
+                sun: along(&axes, &sun),
+                axis1: [cos1, sin1],
+                axis2: [cos2, sin2],
+                plane: [
+                    along(&axes, &normal),
+                    along(&axes, &right),
+                    along(&axes, &down),
+                ],
+                centre_along_normal_m: along_normal,
+                spot_m: [u, v],
+                weight: one,
+                up: [axes[0][2], axes[1][2], axes[2][2]],
+                pose_errors: None,
+            },
+            sun_motion: along(&axes, &motion),
+            across: [
+                [-(sine * per), cosine * per],
+                // on the axis the two components are simply right and down
+                [cosine * short, Lane::select(on_axis, short, sine * short)],
+            ],
+        };
+        let target = Lane::read(&given[given::TARGET], lane);
+        let lands = linearise(structure, &place, &prepared, target, &mut row);
+        // not a number where any number is none
+        let mut bad = zero;
+        for value in &row[..rest + column::STATED] {
+            bad = value.mul_add(zero, bad);
+        }
+        let mut fine = Lane::select(zero.lt(lands[0]), one, zero);
+        fine = Lane::select(zero.lt(lands[1]), fine, zero);
+        fine = Lane::select(zero.lt(lands[2]), fine, zero);
+        fine = Lane::select(
+            zero.lt(Lane::<L>::read(&given[given::LIVE], lane)),
+            fine,
+            zero,
+        );
+        fine = Lane::select(bad.le(zero), fine, zero);
+        let tells = zero.lt(fine);
+        for (value, out) in row[..rest + column::STATED].iter().zip(out.iter_mut()) {
+            Lane::select(tells, *value, zero).write(out, lane);
+        }
+        let sigma = Lane::read(&given[given::SIGMA], lane);
+        let stated = zero.lt(sigma);
+        let per_square = per * per;
+        let on_target = Lane::select(stated, zero, per_square);
+        let live = zero.lt(Lane::<L>::read(&given[given::LIVE], lane));
+        let numbers = [
+            (column::STATED, per_square * sigma * sigma),
+            (column::ON_TARGET, on_target),
+        ];
+        for (which, value) in numbers {
+            Lane::select(live, value, zero).write(&mut out[rest + which], lane);
+        }
+        Lane::<L>::read(&given[given::DAYS], lane).write(&mut out[rest + column::DAYS], lane);
+        (one - fine).write(&mut out[rest + column::SILENT], lane);
+    }
+}
+
+/// 1 - exp(-x) for x >= 0, from the series of a small part of it that is doubled again and again: no step
+/// makes the relative error larger.
+#[inline(always)]
+fn forgotten<L: Lanes>(x: Lane<L>) -> Lane<L> {
+    const DOUBLED: usize = 6;
+    const MOST: f64 = 64.0;
+    let one = Lane::splat(1.0);
+    let x = x.min(Lane::splat(MOST)).max(Lane::splat(0.0)) * Lane::splat(1.0 / MOST);
+    let mut sum = one;
+    let mut n = 19.0;
+    while n > 1.5 {
+        sum = (x * sum).neg_mul_add(Lane::splat(1.0 / n), one);
+        n -= 1.0;
+    }
+    let mut lost = x * sum;
+    for _ in 0..DOUBLED {
+        lost = lost * (Lane::splat(2.0) - lost);
+    }
+    lost
+}
+
+struct Filter<'a> {
+    group: &'a Group,
+    prior: &'a Prior<'a>,
+    known: &'a mut Beliefs,
+    total: &'a mut Total,
+}
+
+impl Kernel for Filter<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let mut lane = 0;
+        while lane < BLOCK {
+            filter_some::<L>(self.group, self.prior, self.known, self.total, lane);
+            lane += L::WIDTH;
+        }
+    }
+}
+
+#[inline(always)]
+fn filter_some<L: Lanes>(
+    group: &Group,
+    prior: &Prior<'_>,
+    known: &mut Beliefs,
+    total: &mut Total,
+    lane: usize,
+) {
+    let shape = Shape {
+        means: false,
+        ..prior.shape
+    };
+    let Shape { still, causes, .. } = shape;
+    let (own, common) = (shape.own(), prior.shape.common());
+    let (zero, one) = (Lane::<L>::splat(0.0), Lane::<L>::splat(1.0));
+    let mut belief = Belief::of_field(shape, prior.spread, &prior.rates);
+    for i in 0..still {
+        belief.mean[i] = Lane::splat(prior.about[i]);
+    }
+    let mut told = Told::nothing(shape);
+    let mut row = vec![zero; shape.row()];
+    let rest = shape.row() - column::REST;
+    let mut farthest = zero;
+    let rates = &prior.rates;
+    for (k, numbers) in group.rows.chunks_exact(shape.row()).enumerate() {
+        for (to, from) in row.iter_mut().zip(numbers) {
+            *to = Lane::read(from, lane);
+        }
+        for cause in 0..causes {
+            let value = Lane::splat(prior.about[still + cause]);
+            for i in 0..2 {
+                let seen = &mut row[rest + column::SEEN + i];
+                *seen = value.neg_mul_add(row_at(numbers, 2 * (still + cause) + i, lane), *seen);
+            }
+        }
+        let days = row[rest + column::DAYS];
+        let slow = forgotten(days / Lane::splat(rates.days[0]));
+        let fast = forgotten(days / Lane::splat(rates.days[2]));
+        let lost = [slow, slow, fast, fast];
+        let mut kept = [zero; WANDERING];
+        let mut added = [zero; WANDERING];
+        for i in 0..WANDERING {
+            kept[i] = one - lost[i];
+            added[i] = Lane::splat(rates.wander[i]) * (lost[i] * (one + kept[i]));
+        }
+        belief.wait(kept, added);
+        belief.loosen([row[rest + column::JUMP], row[rest + column::JUMP + 1]]);
+        let mut surprise = belief.weigh(&row, rates, 0.0, &[]);
+        belief.mute(&mut surprise, one - row[rest + column::SILENT]);
+        farthest = surprise.square.max(farthest);
+        belief.believe(&surprise, &mut told);
+        if k % TOGETHER == TOGETHER - 1 || k + 1 == group.length {
+            told.determinant
+                .write(&mut total.determinants[k / TOGETHER], lane);
+            told.determinant = one;
+        }
+    }
+    farthest.write(&mut known.farthest, lane);
+    for (from, to) in belief.spread.iter().zip(&mut known.spread) {
+        from.write(to, lane);
+    }
+    // by the means
+    let per = &prior.per_spread;
+    let mut by_mean = vec![zero; own * still];
+    for i in 0..own {
+        for j in 0..still {
+            let mut sum = zero;
+            for l in 0..still {
+                let p = belief.spread[at(i.max(l), i.min(l))];
+                sum = p.mul_add(Lane::splat(per[l * still + j]), sum);
+            }
+            by_mean[i * still + j] = sum;
+            sum.write(&mut known.gain[i * common + j], lane);
+        }
+        for k in 0..causes {
+            belief.gain[i * causes + k].write(&mut known.gain[i * common + still + k], lane);
+        }
+        let mut mean = belief.mean[i];
+        for j in 0..still {
+            mean = by_mean[i * still + j].neg_mul_add(Lane::splat(prior.about[j]), mean);
+        }
+        for k in 0..causes {
+            let about = Lane::splat(prior.about[still + k]);
+            mean = belief.gain[i * causes + k].neg_mul_add(about, mean);
+        }
+        mean.write(&mut known.mean[i], lane);
+    }
+    let taken = Lane::read(&group.taken, lane);
+    for i in 0..still {
+        for j in 0..=i {
+            let mut sum = Lane::splat(per[i * still + j]);
+            for l in 0..still {
+                sum = by_mean[l * still + j].neg_mul_add(Lane::splat(per[i * still + l]), sum);
+            }
+            (sum * taken).write(&mut total.matrix[at(i, j)], lane);
+        }
+        let mut sum = zero;
+        for l in 0..still {
+            let apart = belief.mean[l] - Lane::splat(prior.about[l]);
+            sum = apart.mul_add(Lane::splat(per[i * still + l]), sum);
+        }
+        (sum * taken).write(&mut total.vector[i], lane);
+    }
+    for k in 0..causes {
+        for i in 0..still {
+            let mut sum = zero;
+            for l in 0..still {
+                let gain = belief.gain[l * causes + k];
+                sum = gain.neg_mul_add(Lane::splat(per[i * still + l]), sum);
+            }
+            (sum * taken).write(&mut total.matrix[at(still + k, i)], lane);
+        }
+        for l in 0..=k {
+            let value = told.matrix[at(k, l)] * taken;
+            value.write(&mut total.matrix[at(still + k, still + l)], lane);
+        }
+        (told.vector[k] * taken).write(&mut total.vector[still + k], lane);
+    }
+    (told.square * taken).write(&mut total.square, lane);
+}
+
+#[inline(always)]
+fn row_at<L: Lanes>(numbers: &[Eight], which: usize, lane: usize) -> Lane<L> {
+    Lane::read(&numbers[which], lane)
+}
+
+impl Beliefs {
+    /// Of one of the heliostats.
+    pub fn belief(&self, shape: Shape, lane: usize) -> Belief<f64> {
+        let of = |values: &[Eight]| values.iter().map(|v| v[lane]).collect::<Vec<f64>>();
+        Belief {
+            shape,
+            mean: of(&self.mean),
+            gain: of(&self.gain),
+            spread: of(&self.spread),
+            room: Room::of(shape),
+        }
+    }
+
+    /// Unknowns at rest of one of the heliostats, for what is common \[mrad\].
+    pub fn still<'a>(
+        &'a self,
+        shape: Shape,
+        lane: usize,
+        common: &'a [f64],
+    ) -> impl Iterator<Item = f64> + 'a {
+        (0..shape.still).map(move |i| {
+            let line = &self.gain[i * common.len()..(i + 1) * common.len()];
+            let by: f64 = line.iter().zip(common).map(|(g, b)| g[lane] * b).sum();
+            self.mean[i][lane] + by
+        })
+    }
+
+    /// With what is common known only so well: of all own unknowns, or where `apart` of those at rest less
+    /// their means over the field.
+    pub fn settle(&self, level: SimdLevel, shape: Shape, common: &Common, apart: bool) -> Settled {
+        let count = if apart { shape.still } else { shape.own() };
+        let zero = [0.0; BLOCK];
+        let mut settled = Settled {
+            mean: vec![zero; count],
+            covariance: vec![zero; Shape::triangle(count)],
+        };
+        run(
+            level,
+            Settle {
+                known: self,
+                common,
+                apart,
+                settled: &mut settled,
+            },
+        );
+        settled
+    }
+}
+
+/// Mean and covariance (lower triangle) of unknowns of eight heliostats.
+#[derive(Debug)]
+pub(super) struct Settled {
+    pub mean: Vec<Eight>,
+    pub covariance: Vec<Eight>,
+}
+
+struct Settle<'a> {
+    known: &'a Beliefs,
+    common: &'a Common,
+    apart: bool,
+    settled: &'a mut Settled,
+}
+
+impl Kernel for Settle<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let mut lane = 0;
+        while lane < BLOCK {
+            settle_some::<L>(self.known, self.common, self.apart, self.settled, lane);
+            lane += L::WIDTH;
+        }
+    }
+}
+
+/// P + G V Gᵀ.
+#[inline(always)]
+fn settle_some<L: Lanes>(
+    known: &Beliefs,
+    common: &Common,
+    apart: bool,
+    settled: &mut Settled,
+    lane: usize,
+) {
+    let zero = Lane::<L>::splat(0.0);
+    let (count, n) = (settled.mean.len(), common.mean.len());
+    let mut gain = vec![zero; count * n];
+    for (to, from) in gain.iter_mut().zip(&known.gain) {
+        *to = Lane::read(from, lane);
+    }
+    let mut through = vec![zero; n];
+    for i in 0..count {
+        if apart {
+            gain[i * n + i] = gain[i * n + i] - Lane::splat(1.0);
+        }
+        let mut mean = Lane::read(&known.mean[i], lane);
+        for (&g, &b) in gain[i * n..(i + 1) * n].iter().zip(&common.mean) {
+            mean = g.mul_add(Lane::splat(b), mean);
+        }
+        mean.write(&mut settled.mean[i], lane);
+        for (to, line) in through.iter_mut().zip(common.covariance.chunks_exact(n)) {
+            let mut sum = zero;
+            for (&g, &v) in gain[i * n..(i + 1) * n].iter().zip(line) {
+                sum = g.mul_add(Lane::splat(v), sum);
+            }
+            *to = sum;
+        }
+        for j in 0..=i {
+            let mut sum = Lane::read(&known.spread[at(i, j)], lane);
+            for (&g, &t) in gain[j * n..(j + 1) * n].iter().zip(&through) {
+                sum = g.mul_add(t, sum);
+            }
+            sum.write(&mut settled.covariance[at(i, j)], lane);
+        }
+    }
+}
+
+/// Heliostats that noise and wander are learnt from.
+#[derive(Debug)]
+pub(super) struct Sample {
+    pub shape: Shape,
+    pub level: SimdLevel,
+    pub groups: Vec<Group>,
+    pub count: usize,
+    /// About what common unknowns.
+    pub about: Vec<f64>,
+}
+
+impl Sample {
+    /// Goes through all records.
+    pub fn filter(&self, hyper: &Hyper) -> (Vec<Beliefs>, Sum) {
+        let prior = Prior::new(self.shape, hyper, &self.about);
+        let each: Vec<(Beliefs, Total)> = self
+            .groups
+            .par_iter()
+            .map(|group| {
+                let mut known = Beliefs::default();
+                let total = group.filter(self.level, &prior, &mut known);
+                (known, total)
+            })
+            .collect();
+        let mut sum = Total::nothing(self.shape);
+        for (_, total) in &each {
+            sum.add(total);
+        }
+        let sum = sum.sum(self.shape, &self.about);
+        (each.into_iter().map(|(known, _)| known).collect(), sum)
+    }
+
+    /// Second moments of what heliostats at rest depart from the field by, summed over them: row by row.
+    pub fn moments(&self, known: &[Beliefs], common: &Common) -> Vec<f64> {
+        let still = self.shape.still;
+        let each: Vec<Settled> = known
+            .par_iter()
+            .map(|known| known.settle(self.level, self.shape, common, true))
+            .collect();
+        let mut total = vec![0.0; still * still];
+        for (settled, group) in each.iter().zip(&self.groups) {
+            for i in 0..still {
+                for j in 0..still {
+                    let covariance = &settled.covariance[at(i.max(j), i.min(j))];
+                    for lane in 0..BLOCK {
+                        let square = settled.mean[i][lane] * settled.mean[j][lane];
+                        total[i * still + j] += group.taken[lane] * (square + covariance[lane]);
+                    }
+                }
+            }
+        }
+        total
+    }
+}

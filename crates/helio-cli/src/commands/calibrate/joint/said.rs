@@ -1,0 +1,85 @@
+//! What a joint fit found, in words.
+
+use helio_calib::Parameter;
+use helio_calib::joint::{CommonCause, JointFit};
+use helio_io::Observations;
+
+use super::Run;
+use super::files::target_of;
+
+/// A value in its unit for people: angles in mrad, lengths in cm.
+fn for_people(unit: &str) -> (f64, &str) {
+    match unit {
+        "rad" => (1e3, "mrad"),
+        "m" => (1e2, "cm"),
+        other => (1.0, other),
+    }
+}
+
+fn cause_words(cause: &CommonCause, observations: &Observations) -> String {
+    let description = cause.cause.description();
+    let (factor, unit) = for_people(description.unit);
+    let of = match target_of(cause.cause, observations) {
+        "" => String::new(),
+        name => format!(" `{name}`"),
+    };
+    let what = format!("{}{of}", description.in_words);
+    if !cause.admitted {
+        return format!("{what}: not admitted, the records do not speak for it");
+    }
+    let spread = if cause.spread > 0.0 {
+        format!(", heliostats about it by {:.2}", factor * cause.spread)
+    } else {
+        String::new()
+    };
+    format!(
+        "{what}: {:+.2} ± {:.2} {unit}{spread} (evidence {:.1} nats)",
+        factor * cause.value,
+        factor * cause.sigma,
+        cause.log_evidence
+    )
+}
+
+impl Run<'_> {
+    pub(super) fn say_fit(&self, fit: &JointFit, observations: &Observations) {
+        let printer = self.printer;
+        for cause in &fit.causes {
+            printer.say(format_args!("{}", cause_words(cause, observations)));
+        }
+        let (noise, wander) = (&fit.noise, &fit.wander);
+        printer.say(format_args!(
+            "records scatter by {:.2} mrad across the beam, by {:.1} cm on the target where they state no sigma_m, \
+             by {:.1} s along the sun's path",
+            noise.beam_mrad,
+            1e2 * noise.spot_m,
+            noise.sun_path_s
+        ));
+        printer.say(format_args!(
+            "zero points wander by {:.2} and {:.2} mrad within {:.0} days, and by {:.2} and {:.2} mrad within {:.1} \
+             days",
+            wander.slow_mrad[0],
+            wander.slow_mrad[1],
+            wander.slow_days,
+            wander.fast_mrad[0],
+            wander.fast_mrad[1],
+            wander.fast_days
+        ));
+        let still = fit.field_mean.len();
+        let of_field: Vec<String> = Parameter::ALL[..6]
+            .iter()
+            .enumerate()
+            .map(|(k, parameter)| {
+                format!(
+                    "{} {:+.1} ± {:.1}",
+                    parameter.in_words(),
+                    1e3 * fit.field_mean[k],
+                    1e3 * fit.field_covariance[k * still + k].max(0.0).sqrt()
+                )
+            })
+            .collect();
+        printer.say(format_args!(
+            "heliostats of this field [mrad]: {}",
+            of_field.join(", ")
+        ));
+    }
+}

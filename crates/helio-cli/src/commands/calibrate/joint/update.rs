@@ -1,0 +1,316 @@
+//! `--update`: new records on top of a state.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use helio_calib::joint::{FieldState, JumpSeen, Known, StepKind};
+use helio_calib::{Campaign, Observation, Parameter};
+use helio_io::output::{Destination, Format};
+use helio_io::{
+    KeptMount, Observations, StateFile, format_time, hash_file, read_state, write_calibration,
+    write_state,
+};
+
+use super::known::Seen;
+use super::{DAY_NS, Judged, JumpFound, Run};
+use crate::Outcome;
+use crate::commands::calibrate::SAID;
+use crate::failure::Failure;
+use crate::printer::{Bytes, Counted, Grouped};
+
+/// A target that the state does not know: none of its causes belongs to it.
+const NO_TARGET: usize = usize::MAX;
+
+/// New records of a heliostat.
+struct Fresh {
+    place: usize,
+    /// Which of the heliostats with observations.
+    index: usize,
+    observations: Vec<Observation>,
+    /// Which each is among all that the file has of the heliostat.
+    of: Vec<usize>,
+}
+
+/// What was known of a heliostat before its new records.
+struct Before {
+    jumps: Vec<JumpSeen>,
+    references_rad: [f64; 2],
+}
+
+/// Both zero points \[rad\], their wandering included.
+fn references(known: &Known) -> [f64; 2] {
+    [Parameter::AzimuthReference, Parameter::ElevationReference].map(|p| known.values[p as usize])
+}
+
+impl Run<'_> {
+    pub(super) fn update(
+        &self,
+        path: &Path,
+        destination: Destination,
+        format: Format,
+    ) -> Result<Outcome, Failure> {
+        let printer = self.printer;
+        let mut file = read_state(path)?;
+        let mut rows = file.rows(path, &self.loaded)?;
+        let mut state =
+            FieldState::from_parts(file.parts).map_err(|error| Self::unusable(path, error))?;
+        let gone = rows.iter().filter(|row| row.is_none()).count();
+        if gone > 0 {
+            printer.warn(format_args!(
+                "{}: {} of it are not in the field; they stay in the state and get no row",
+                path.display(),
+                Counted(gone, "heliostat")
+            ));
+        }
+        self.add_new(&mut state, &mut rows, &mut file.mounts);
+        let (observations, hash) = self.observations()?;
+        let mut provenance = self.provenance("joint-update", hash)?;
+        provenance.options_hash = hash_file(path)?;
+
+        let fresh = self.fresh(path, &state, &rows, &file.targets, &observations)?;
+        let before: HashMap<usize, Before> = fresh
+            .iter()
+            .map(|one| {
+                let followed = &state.heliostats()[one.place];
+                let before = Before {
+                    jumps: followed.jumps.clone(),
+                    references_rad: references(
+                        &state.known(one.place, followed.last_day.unwrap_or_default()),
+                    ),
+                };
+                (one.index, before)
+            })
+            .collect();
+        let campaigns: Vec<(usize, Campaign<'_>)> = fresh
+            .iter()
+            .filter_map(|one| {
+                let campaign = Campaign {
+                    mount: self.mount(rows[one.place]?),
+                    observations: &one.observations,
+                };
+                Some((one.place, campaign))
+            })
+            .collect();
+        let steps = state.update(&campaigns)?;
+
+        let parts = state.parts();
+        let mut seen = vec![Seen::default(); rows.len()];
+        let mut judged = Vec::new();
+        let mut jumps = Vec::new();
+        for (one, steps) in fresh.iter().zip(&steps) {
+            let of_one = &mut seen[one.place];
+            let times = || one.observations.iter().filter_map(|o| o.unix_ns);
+            of_one.times = times().min().zip(times().max());
+            for step in steps {
+                if step.kind == StepKind::Believed {
+                    of_one.add(step.foretold.beam_mrad());
+                }
+                judged.push(Judged {
+                    index: one.index,
+                    observation: one.of[step.observation],
+                    foretold: step.foretold,
+                    kind: step.kind,
+                    alarm: Some(step.alarm),
+                });
+            }
+            let before = &before[&one.index];
+            let after = &parts.heliostats[one.place];
+            let last = state.known(one.place, after.last_day.unwrap_or_default());
+            let certain = after
+                .jumps
+                .iter()
+                .filter(|jump| !before.jumps.contains(jump));
+            let doubted = after.accounts[0]
+                .jumps
+                .iter()
+                .map(|&(k, axis)| (after.undecided[k], axis, false));
+            for (day, axis, certain) in certain.map(|j| (j.day, j.axis, true)).chain(doubted) {
+                jumps.push(JumpFound {
+                    index: one.index,
+                    // of the record itself where it is one of these: days are rounded
+                    unix_ns: times()
+                        .find(|&ns| ns as f64 / DAY_NS == day)
+                        .or(Some((day * DAY_NS) as i64)),
+                    axis,
+                    size_rad: Some(references(&last)[axis] - before.references_rad[axis]),
+                    missed_mrad: None,
+                    certain,
+                });
+            }
+        }
+        let day = self.day(&state)?;
+        let sets = self.sets(&state, &rows, &seen, &day);
+        let joint = &self.args.joint;
+        if let Some(path) = &joint.steps {
+            self.write_steps(path, &judged, &observations)?;
+        }
+        let bytes = write_calibration(destination, format, &sets, &provenance)?;
+        // The state goes last: where anything failed, the same records can be given again.
+        let file = StateFile {
+            parts,
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            targets: file.targets,
+            mounts: file.mounts,
+        };
+        let state_bytes = write_state(joint.state.as_deref().unwrap_or(path), &file)?;
+        self.say_judged(&observations, &judged, &jumps);
+        self.say_alarms(&state, &observations, &judged);
+        printer.say(format_args!(
+            "state of {}: {}",
+            Counted(rows.len(), "heliostat"),
+            Bytes(state_bytes)
+        ));
+        Ok(self.say_table(&sets, bytes))
+    }
+
+    /// Adds the heliostats of the field that the state does not have.
+    fn add_new(
+        &self,
+        state: &mut FieldState,
+        rows: &mut Vec<Option<usize>>,
+        mounts: &mut Vec<KeptMount>,
+    ) {
+        let field = &self.loaded.field;
+        let mut has = vec![false; field.len()];
+        for &row in rows.iter().flatten() {
+            has[row] = true;
+        }
+        let new: Vec<usize> = (0..field.len()).filter(|&row| !has[row]).collect();
+        for &row in &new {
+            state.add(&field.ids()[row]);
+            rows.push(Some(row));
+            mounts.push(KeptMount::of(&self.mount(row)));
+        }
+        if let Some(&first) = new.first() {
+            self.printer.note(format_args!(
+                "{} new to the state, of which only the field is known (first `{}`)",
+                Counted(new.len(), "heliostat"),
+                field.ids()[first]
+            ));
+        }
+    }
+
+    /// The records that the state has not taken in, by heliostat.
+    fn fresh(
+        &self,
+        path: &Path,
+        state: &FieldState,
+        rows: &[Option<usize>],
+        targets: &[(String, helio_core::TargetPlane)],
+        observations: &Observations,
+    ) -> Result<Vec<Fresh>, Failure> {
+        let place_of: HashMap<usize, usize> = rows
+            .iter()
+            .enumerate()
+            .filter_map(|(place, row)| Some(((*row)?, place)))
+            .collect();
+        // Causes count the targets of the state, observations those of the field now.
+        let target_of: Vec<usize> = observations
+            .targets
+            .iter()
+            .map(|(name, _)| {
+                let known = targets.iter().position(|(known, _)| known == name);
+                known.unwrap_or(NO_TARGET)
+            })
+            .collect();
+        let mut new_targets = vec![false; target_of.len()];
+        let mut old = 0;
+        let mut first_old = None;
+        let mut fresh = Vec::new();
+        for (index, of) in observations.heliostats.iter().enumerate() {
+            let Some(&place) = place_of.get(&of.row) else {
+                continue;
+            };
+            let last = state.heliostats()[place].last_day;
+            let mut one = Fresh {
+                place,
+                index,
+                observations: Vec::with_capacity(of.observations.len()),
+                of: Vec::with_capacity(of.observations.len()),
+            };
+            for (k, observation) in of.observations.iter().enumerate() {
+                let day = observation.unix_ns.unwrap_or_default() as f64 / DAY_NS;
+                if last.is_some_and(|last| day <= last) {
+                    old += 1;
+                    first_old.get_or_insert((of.records[k], of.row));
+                    continue;
+                }
+                let target = target_of.get(observation.target).copied();
+                let target = target.unwrap_or(NO_TARGET);
+                if target == NO_TARGET
+                    && let Some(new) = new_targets.get_mut(observation.target)
+                {
+                    *new = true;
+                }
+                one.observations.push(Observation {
+                    target,
+                    ..*observation
+                });
+                one.of.push(k);
+            }
+            if !one.of.is_empty() {
+                fresh.push(one);
+            }
+        }
+        for (k, _) in new_targets.iter().enumerate().filter(|(_, new)| **new) {
+            self.printer.warn(format_args!(
+                "target `{}` is new to the state: it is taken to be where it was surveyed until a new --joint",
+                observations.targets[k].0
+            ));
+        }
+        if let Some((record, row)) = first_old {
+            let words = format!(
+                "{}: {} at or before the last record of their heliostat in {} (first {}, heliostat `{}`)",
+                observations.path.display(),
+                match old {
+                    1 => "1 record is".to_owned(),
+                    old => format!("{} records are", Grouped(old as u64)),
+                },
+                path.display(),
+                observations.position(record),
+                self.loaded.field.ids()[row]
+            );
+            if fresh.is_empty() {
+                return Err(Failure::refused(format!(
+                    "{words}, and none is newer: it seems to be taken in already; nothing was written"
+                )));
+            }
+            self.printer.warn(format_args!(
+                "{words}: left aside, as taken in already; records that came late are counted by a new --joint"
+            ));
+        }
+        Ok(fresh)
+    }
+
+    fn say_alarms(&self, state: &FieldState, observations: &Observations, judged: &[Judged]) {
+        let id = |index: usize| &self.loaded.field.ids()[observations.heliostats[index].row];
+        let mut first: Vec<(usize, i64)> = Vec::new();
+        for one in judged.iter().filter(|one| one.alarm == Some(true)) {
+            if first.last().is_none_or(|last| last.0 != one.index) {
+                let of = &observations.heliostats[one.index].observations;
+                first.push((one.index, of[one.observation].unix_ns.unwrap_or_default()));
+            }
+        }
+        for (index, unix_ns) in first.iter().take(SAID) {
+            self.printer.say(format_args!(
+                "{}: drift alarm at {}: it misses to one side by more than what is known of it explains",
+                id(*index),
+                format_time(*unix_ns)
+            ));
+        }
+        if first.len() > SAID {
+            let more = first.len() - SAID;
+            self.printer.say(format_args!(
+                "... and {}; --steps shows all",
+                Counted(more, "drift alarm")
+            ));
+        }
+        let rate = state.alarm.false_alarm_rate;
+        self.printer.say(format_args!(
+            "drift alarms: {} of {}; {} of the records of heliostats without drift raise one",
+            Grouped(first.len() as u64),
+            Counted(observations.heliostats.len(), "heliostat"),
+            format_args!("{} %", 100.0 * rate)
+        ));
+    }
+}

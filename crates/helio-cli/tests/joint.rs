@@ -1,0 +1,574 @@
+//! `calibrate --joint` and `--update`: the field as one, from the command line to the files.
+
+// Test helpers fail loudly; the lint knows only functions that are tests themselves.
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use common::{FIELD, Folder, NOON, Run, rows};
+
+type Row = BTreeMap<String, String>;
+
+/// Every so many heliostats of the example field, observed for a year.
+fn seen(heliostats: &str, more: &[&str]) -> Folder {
+    let folder = Folder::empty();
+    let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples");
+    for name in ["field.toml", "heliostats.csv"] {
+        std::fs::copy(examples.join(name), folder.path().join(name)).unwrap();
+    }
+    let args = [
+        "simulate",
+        "observations",
+        "--field",
+        "field.toml",
+        "--heliostats",
+        heliostats,
+        "--random-errors",
+        "--seed",
+        "11",
+        "--truth",
+        "truth.csv",
+        "--out",
+        "seen.csv",
+    ];
+    folder.run(&[&args, more].concat()).good();
+    folder
+}
+
+fn calibrate(folder: &Folder, more: &[&str]) -> Run {
+    folder.run(&[&["calibrate", "--field", "field.toml"], more].concat())
+}
+
+fn number(row: &Row, name: &str) -> f64 {
+    row[name]
+        .parse()
+        .unwrap_or_else(|_| panic!("{name}: {}", row[name]))
+}
+
+/// The records of seen.csv from one time up to another.
+fn part(folder: &Folder, name: &str, from: &str, to: &str) {
+    let all = folder.read("seen.csv");
+    let (header, records) = all.split_once('\n').unwrap();
+    let column = header.split(',').position(|c| c == "time").unwrap();
+    let mut out = format!("{header}\n");
+    for line in records.lines() {
+        let time = line.split(',').nth(column).unwrap();
+        if from <= time && time < to {
+            out.push_str(line);
+            out.push('\n');
+        }
+    }
+    folder.write(name, out);
+}
+
+fn bytes(folder: &Folder, name: &str) -> Vec<u8> {
+    std::fs::read(folder.path().join(name)).unwrap()
+}
+
+const ANGLES: [&str; 4] = [
+    "axis_nonorthogonality",
+    "mirror_tilt",
+    "azimuth_reference",
+    "elevation_reference",
+];
+
+#[test]
+fn following_half_the_records_comes_to_what_fitting_all_does() {
+    // Without wrong records: of a doubtful one, half of the records may decide otherwise than all.
+    let folder = seen("40", &["--count", "40"]);
+    part(&folder, "first.csv", "2025-01", "2025-07");
+    part(&folder, "second.csv", "2025-07", "2025-10");
+    part(&folder, "third.csv", "2025-10", "2026");
+    let joint = |more: &[&str]| calibrate(&folder, &[&["--joint"], more].concat()).good();
+    joint(&["--observations", "seen.csv", "--out", "all.csv"]);
+    joint(&[
+        "--observations",
+        "first.csv",
+        "--out",
+        "half.csv",
+        "--state",
+        "state.parquet",
+    ]);
+    for (name, out) in [("second.csv", "two.csv"), ("third.csv", "followed.csv")] {
+        let args = [
+            "--update",
+            "state.parquet",
+            "--observations",
+            name,
+            "--out",
+            out,
+        ];
+        calibrate(&folder, &args).good();
+    }
+    let table = |name: &str| rows(&folder.read(name));
+    let (all, half, followed) = (table("all.csv"), table("half.csv"), table("followed.csv"));
+    assert_eq!((all.len(), half.len(), followed.len()), (500, 500, 500));
+    let observed: Vec<usize> = (0..500)
+        .filter(|&k| number(&all[k], "observations") > 0.0)
+        .collect();
+    assert!(observed.len() >= 35, "{}", observed.len());
+    // root mean square of what the two say apart, in stated standard deviations
+    let apart = |other: &[Row], name: &str| -> f64 {
+        let squares: f64 = observed
+            .iter()
+            .map(|&k| {
+                let degrees = |row: &Row| number(row, &format!("{name}_deg"));
+                let mrad = 1e3 * (degrees(&all[k]) - degrees(&other[k])).to_radians();
+                (mrad / number(&all[k], &format!("sigma_{name}_mrad"))).powi(2)
+            })
+            .sum();
+        (squares / observed.len() as f64).sqrt()
+    };
+    for name in ANGLES {
+        let (recursive, without) = (apart(&followed, name), apart(&half, name));
+        println!("{name}: followed {recursive:.3} sigma, half of the records {without:.3} sigma");
+        assert!(recursive < 0.5, "{name}: {recursive}");
+        // the records after the first half are what brings them together
+        assert!(recursive < 0.5 * without, "{name}: {recursive} {without}");
+    }
+    for &k in &observed {
+        assert_eq!(
+            number(&all[k], "observations") + number(&all[k], "rejected"),
+            number(&followed[k], "observations") + number(&followed[k], "rejected"),
+        );
+        let ratio = number(&followed[k], "foretold_mrad") / number(&all[k], "foretold_mrad");
+        assert!((0.7..1.4).contains(&ratio), "{ratio}");
+    }
+}
+
+#[test]
+fn the_truth_is_found_and_the_others_are_as_the_field() {
+    let folder = seen("40", &["--count", "30"]);
+    let run = calibrate(
+        &folder,
+        &[
+            "--joint",
+            "--observations",
+            "seen.csv",
+            "--out",
+            "joint.csv",
+            "--causes",
+            "causes.csv",
+            "--steps",
+            "steps.csv",
+        ],
+    );
+    run.good();
+    let said = run.stderr();
+    for words in [
+        "records scatter by",
+        "zero points wander by",
+        "heliostats of this field",
+        "500 rows: 500 ok",
+    ] {
+        assert!(said.contains(words), "{said}");
+    }
+    let found = rows(&folder.read("joint.csv"));
+    let truth: BTreeMap<String, Row> = rows(&folder.read("truth.csv"))
+        .into_iter()
+        .map(|row| (row["id"].clone(), row))
+        .collect();
+    let (mut squares, mut count) = (0.0, 0.0);
+    for row in &found {
+        assert_eq!(row["status"], "ok");
+        // Nothing of the kind was simulated, and nothing is claimed.
+        assert_eq!(number(row, "axis1_sag_deg"), 0.0);
+        assert_eq!(number(row, "axis2_sag_deg"), 0.0);
+        assert_eq!(number(row, "jumps"), 0.0);
+        if number(row, "observations") == 0.0 {
+            // A few milliradians either way, and it is said.
+            assert!(number(row, "foretold_mrad") > 5.0, "{row:?}");
+            continue;
+        }
+        assert!(number(row, "foretold_mrad") < 2.0, "{row:?}");
+        for name in ANGLES {
+            let degrees = |row: &Row| number(row, &format!("{name}_deg"));
+            let mrad = 1e3 * (degrees(row) - degrees(&truth[&row["id"]])).to_radians();
+            squares += (mrad / number(row, &format!("sigma_{name}_mrad"))).powi(2);
+            count += 1.0;
+        }
+    }
+    let rms = (squares / count).sqrt();
+    println!("errors in stated standard deviations, root mean square: {rms:.2}");
+    assert!((0.6..1.4).contains(&rms), "{rms}");
+
+    let causes = rows(&folder.read("causes.csv"));
+    assert_eq!(causes.len(), 8);
+    for cause in causes.iter().filter(|cause| cause["scope"] != "heliostat") {
+        assert_eq!(
+            (cause["admitted"].as_str(), number(cause, "value")),
+            ("0", 0.0),
+            "{cause:?}"
+        );
+    }
+    let steps = rows(&folder.read("steps.csv"));
+    let observed = found
+        .iter()
+        .map(|row| number(row, "observations") + number(row, "rejected"));
+    assert_eq!(steps.len() as f64, observed.sum::<f64>());
+    assert!(!steps[0].contains_key("alarm"));
+
+    // What was written is what tracking takes: back through the truth the beams hit to what is foretold.
+    let field = folder.read("field.toml");
+    let with = |table: &str| {
+        let line = format!("aim = \"receiver\"\ncalibration = \"{table}\"");
+        folder.write("field.toml", field.replace("aim = \"receiver\"", &line));
+    };
+    with("joint.csv");
+    folder
+        .track(&[NOON, &["--out", "angles.csv"]].concat())
+        .good();
+    with("truth.csv");
+    let predicted = folder.run(&["predict", "--field", "field.toml", "--angles", "angles.csv"]);
+    let mut misses = 0;
+    for row in rows(&predicted.good()) {
+        if truth.contains_key(&row["id"]) {
+            misses += usize::from(number(&row, "beam_error_mrad") > 1.5);
+        }
+    }
+    // Those that no target faces have no observations either.
+    assert!(misses <= 40 - count as usize / ANGLES.len(), "{misses}");
+}
+
+#[test]
+fn records_count_once_and_the_same_records_give_the_same_bytes() {
+    let folder = seen("20", &["--count", "20"]);
+    part(&folder, "first.csv", "2025-01", "2025-09");
+    part(&folder, "later.csv", "2025-09", "2026");
+    part(&folder, "more.csv", "2025-06", "2026");
+    let args = [
+        "--joint",
+        "--observations",
+        "first.csv",
+        "--state",
+        "s.parquet",
+        "--out",
+    ];
+    for (threads, out) in [("1", "one.csv"), ("4", "four.csv")] {
+        calibrate(&folder, &[&args[..], &[out, "--threads", threads]].concat()).good();
+        std::fs::copy(
+            folder.path().join("s.parquet"),
+            folder.path().join(format!("{out}.parquet")),
+        )
+        .unwrap();
+    }
+    assert!(bytes(&folder, "one.csv") == bytes(&folder, "four.csv"));
+    assert!(bytes(&folder, "one.csv.parquet") == bytes(&folder, "four.csv.parquet"));
+    let begun = bytes(&folder, "s.parquet");
+
+    let update = |new: &str, more: &[&str]| {
+        let args = [
+            "--update",
+            "s.parquet",
+            "--observations",
+            new,
+            "--steps",
+            "steps.csv",
+            "--out",
+            "table.csv",
+        ];
+        calibrate(&folder, &[&args, more].concat())
+    };
+    // To another file, the state stays.
+    update("later.csv", &["--state", "to.parquet", "--threads", "3"]).good();
+    assert!(bytes(&folder, "s.parquet") == begun);
+    let (table, steps) = (bytes(&folder, "table.csv"), folder.read("steps.csv"));
+    assert_eq!(
+        steps.lines().count(),
+        folder.read("later.csv").lines().count()
+    );
+    update("later.csv", &["--threads", "1"]).good();
+    assert!(bytes(&folder, "s.parquet") == bytes(&folder, "to.parquet"));
+    assert!(bytes(&folder, "table.csv") == table);
+    let after = bytes(&folder, "s.parquet");
+
+    // The same again: refused, and nothing has happened.
+    folder.write("table.csv", "as it was");
+    let again = update("later.csv", &[]);
+    assert_eq!(again.code(), 2);
+    assert!(
+        again
+            .stderr()
+            .contains("taken in already; nothing was written"),
+        "{}",
+        again.stderr()
+    );
+    assert_eq!(folder.read("table.csv"), "as it was");
+    assert!(bytes(&folder, "s.parquet") == after);
+
+    // Old ones among new ones are left aside: it comes to the same state.
+    folder.write("s.parquet", &begun);
+    let run = update("more.csv", &[]);
+    run.good();
+    assert!(
+        run.stderr().contains("left aside, as taken in already"),
+        "{}",
+        run.stderr()
+    );
+    assert!(bytes(&folder, "s.parquet") == after);
+    assert_eq!(
+        folder.read("steps.csv").lines().count(),
+        steps.lines().count()
+    );
+
+    // A table that cannot be written leaves the state.
+    folder.write("s.parquet", &begun);
+    let run = calibrate(
+        &folder,
+        &[
+            "--update",
+            "s.parquet",
+            "--observations",
+            "later.csv",
+            "--out",
+            "none/table.csv",
+        ],
+    );
+    assert_eq!(run.code(), 2);
+    assert!(bytes(&folder, "s.parquet") == begun);
+}
+
+#[test]
+fn a_jump_is_named_and_the_rows_follow_it() {
+    let jump = "2025-10-01T00:00:00Z,6,0";
+    let folder = seen(
+        "20",
+        &["--count", "40", "--jump", jump, "--noise-mrad", "0.3"],
+    );
+    part(&folder, "first.csv", "2025-01", "2025-09");
+    part(&folder, "later.csv", "2025-09", "2026");
+    calibrate(
+        &folder,
+        &[
+            "--joint",
+            "--observations",
+            "first.csv",
+            "--state",
+            "s.parquet",
+            "--out",
+            "first-table.csv",
+        ],
+    )
+    .good();
+    let run = calibrate(
+        &folder,
+        &[
+            "--update",
+            "s.parquet",
+            "--observations",
+            "later.csv",
+            "--steps",
+            "steps.csv",
+            "--out",
+            "table.csv",
+        ],
+    );
+    run.good();
+    let said = run.stderr();
+    assert!(
+        said.contains(": the zero point of axis 1 ") && said.contains("jumped by about +"),
+        "{said}"
+    );
+    assert!(said.contains("drift alarms:"), "{said}");
+    let steps = rows(&folder.read("steps.csv"));
+    let jumped: Vec<&Row> = steps
+        .iter()
+        .filter(|row| row["kind"] == "jump_axis1")
+        .collect();
+    let table: BTreeMap<String, Row> = rows(&folder.read("table.csv"))
+        .into_iter()
+        .map(|row| (row["id"].clone(), row))
+        .collect();
+    let before: BTreeMap<String, Row> = rows(&folder.read("first-table.csv"))
+        .into_iter()
+        .map(|row| (row["id"].clone(), row))
+        .collect();
+    // Not every one is looked at after the jump where it shows, but most are.
+    assert!(jumped.len() >= 15, "{}", jumped.len());
+    let mut off = Vec::new();
+    for row in &jumped {
+        assert!(row["time"].as_str() >= "2025-10-01", "{row:?}");
+        assert!(
+            number(row, "chi_squared") > 6.0 && number(row, "seen_mrad") > 1.0,
+            "{row:?}"
+        );
+        let degrees =
+            |table: &BTreeMap<String, Row>| number(&table[&row["id"]], "azimuth_reference_deg");
+        off.push(1e3 * (degrees(&table) - degrees(&before)).to_radians() - 6.0);
+    }
+    off.sort_by(f64::total_cmp);
+    let middle = off[off.len() / 2];
+    println!(
+        "{} jumps; off in the middle by {middle:.2} mrad",
+        jumped.len()
+    );
+    assert!(middle.abs() < 1.5, "{middle}");
+}
+
+#[test]
+fn the_layout_may_grow_but_not_move() {
+    let folder = seen("10", &["--count", "12"]);
+    part(&folder, "first.csv", "2025-01", "2025-09");
+    part(&folder, "later.csv", "2025-09", "2026");
+    let layout = folder.read("heliostats.csv");
+    let without: String = layout
+        .lines()
+        .filter(|line| !line.starts_with("H500,"))
+        .map(|l| format!("{l}\n"))
+        .collect();
+    assert!(without.len() < layout.len());
+    folder.write("heliostats.csv", &without);
+    calibrate(
+        &folder,
+        &[
+            "--joint",
+            "--observations",
+            "first.csv",
+            "--state",
+            "s.parquet",
+            "--out",
+            "table.csv",
+        ],
+    )
+    .good();
+    assert_eq!(rows(&folder.read("table.csv")).len(), 499);
+    let update = || {
+        calibrate(
+            &folder,
+            &[
+                "--update",
+                "s.parquet",
+                "--observations",
+                "later.csv",
+                "--out",
+                "table.csv",
+            ],
+        )
+    };
+    let begun = bytes(&folder, "s.parquet");
+    folder.write("heliostats.csv", layout.replacen("H001,", "H001,1", 1));
+    let refused = update();
+    assert_eq!(refused.code(), 2);
+    assert!(
+        refused
+            .stderr()
+            .contains("heliostat `H001`: has its pivot at"),
+        "{}",
+        refused.stderr()
+    );
+    assert!(bytes(&folder, "s.parquet") == begun);
+
+    folder.write("heliostats.csv", &layout);
+    let run = update();
+    run.good();
+    assert!(
+        run.stderr().contains("1 heliostat new to the state"),
+        "{}",
+        run.stderr()
+    );
+    let table = rows(&folder.read("table.csv"));
+    assert_eq!((table.len(), table[499]["id"].as_str()), (500, "H500"));
+    assert_eq!(number(&table[499], "observations"), 0.0);
+
+    // One that is gone stays in the state and has no row.
+    folder.write("heliostats.csv", &without);
+    folder.write("s.parquet", &begun);
+    update().good();
+    assert_eq!(rows(&folder.read("table.csv")).len(), 499);
+}
+
+#[test]
+fn what_does_not_go_together_is_refused_before_anything_is_read() {
+    let folder = Folder::empty();
+    let joint = ["--observations", "none.csv", "--joint"];
+    let update = ["--observations", "none.csv", "--update", "none.parquet"];
+    for (args, words) in [
+        (&joint[..], &["--solver", "gauss-newton"][..]),
+        (&joint, &["--sets", "2"]),
+        (&joint, &["--robust", "huber"]),
+        (&joint, &["--prior", "mirror_tilt=0:0.1"]),
+        (&joint, &["--rejected", "r.csv"]),
+        (&joint, &["--plan", "3", "--plan-date", "2026-06-21"]),
+        (&joint, &["--resume", "--out", "c.csv"]),
+        (&joint, &["--update", "s.parquet"]),
+        (&update, &["--keep-all"]),
+        (&update, &["--causes", "c.csv"]),
+        (&["--observations", "none.csv"], &["--state", "s.parquet"]),
+        (&["--observations", "none.csv"], &["--steps", "s.csv"]),
+        (&["--observations", "none.csv"], &["--ahead", "2"]),
+        (&joint, &["--ahead", "-1"]),
+    ] {
+        let run = calibrate(&folder, &[args, words].concat());
+        assert_eq!(run.code(), 2, "{words:?}");
+        let said = run.stderr();
+        assert!(
+            said.contains("Usage:") || said.contains("For more information"),
+            "{said}"
+        );
+        assert!(!said.contains("no such file"), "{said}");
+    }
+    for (args, more, wanted) in [
+        (
+            &joint[..],
+            &["--state", "-"][..],
+            "--state: a state is a file",
+        ),
+        (
+            &joint,
+            &["--state", "x.csv", "--out", "x.csv"],
+            "name the same file",
+        ),
+        (
+            &joint,
+            &["--steps", "x.csv", "--causes", "x.csv"],
+            "name the same file",
+        ),
+        (&joint, &["--steps", "-"], "both name standard output"),
+        (&update, &["--out", "none.parquet"], "name the same file"),
+        (
+            &joint,
+            &["--steps", "x.txt"],
+            "the suffix stands for no format",
+        ),
+    ] {
+        let run = calibrate(&folder, &[args, more].concat());
+        assert_eq!(run.code(), 2, "{more:?}");
+        assert!(run.stderr().contains(wanted), "{more:?}: {}", run.stderr());
+    }
+}
+
+#[test]
+fn a_site_and_times_are_needed() {
+    let folder = Folder::new();
+    let seen = "heliostat_id,sun_azimuth_deg,sun_elevation_deg,axis1_deg,axis2_deg,target,u_m,v_m\n\
+                A1,180,40,170,45,receiver,0.1,0.2\n";
+    folder.write("seen.csv", seen);
+    let joint = || calibrate(&folder, &["--joint", "--observations", "seen.csv"]);
+    let said = joint().stderr();
+    assert!(
+        said.contains(
+            "1 record has no time (first line 2, heliostat `A1`), and --joint needs times"
+        ),
+        "{said}"
+    );
+    let (_, rest) = FIELD.split_once("[targets").unwrap();
+    folder.write("field.toml", format!("[targets{rest}"));
+    let said = joint().stderr();
+    assert!(said.contains("need the latitude from [site]"), "{said}");
+
+    // A text file is no state.
+    folder.write("field.toml", FIELD);
+    let run = calibrate(
+        &folder,
+        &["--update", "seen.csv", "--observations", "seen.csv"],
+    );
+    assert_eq!(run.code(), 2);
+    assert!(
+        run.stderr().contains("it is no state of a followed field"),
+        "{}",
+        run.stderr()
+    );
+}

@@ -1,0 +1,334 @@
+//! State files of followed fields.
+
+use std::path::{Path, PathBuf};
+
+use helio_calib::Mount;
+use helio_calib::joint::{
+    AccountParts, Alarm, AxisCause, Cause, HeliostatParts, JumpSeen, Mishaps, Noise, StateParts,
+    Wander,
+};
+use helio_io::output::{Cells, Destination, Format, write_columns};
+use helio_io::{KeptMount, LoadedField, StateFile, load_field, read_state, write_state};
+
+const FIELD: &str = r#"
+[site]
+latitude_deg = 37.4
+longitude_deg = -6.25
+elevation_m = 20.0
+[targets.board]
+centre_enu_m = [0.0, 8.0, 70.0]
+normal_enu = [0.0, 1.0, 0.0]
+width_m = 14.0
+height_m = 12.0
+[heliostats]
+table = "heliostats.csv"
+aim = "board"
+mirror_offset_m = 0.3
+"#;
+const HELIOSTATS: &str = "id,east_m,north_m,up_m\nA1,-40,100,3\nA2,0.5,110,3\n\"B, 3\",60,240,3\n";
+
+fn field(folder: &Path, toml: &str, heliostats: &str) -> LoadedField {
+    std::fs::write(folder.join("field.toml"), toml).unwrap();
+    std::fs::write(folder.join("heliostats.csv"), heliostats).unwrap();
+    load_field(&folder.join("field.toml")).unwrap()
+}
+
+/// Doubles of all sizes that no short text is.
+fn odd(seed: u64, count: usize) -> Vec<f64> {
+    let mut x = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
+    (0..count)
+        .map(|k| {
+            x ^= x << 13;
+            x ^= x >> 7;
+            x ^= x << 17;
+            let number = f64::from_bits(x);
+            match k % 7 {
+                0 => -0.0,
+                1 if number.is_finite() => number,
+                2 => f64::MIN_POSITIVE / 3.0,
+                _ => (x >> 11) as f64 / 3.0e14 - 10.0,
+            }
+        })
+        .collect()
+}
+
+fn account(seed: u64, doubted: bool) -> AccountParts {
+    AccountParts {
+        log_likelihood: -0.1 * seed as f64,
+        mean: odd(seed, 11),
+        gain: odd(seed + 1, 154),
+        spread: odd(seed + 2, 66),
+        matrix: if doubted {
+            odd(seed + 3, 105)
+        } else {
+            Vec::new()
+        },
+        vector: if doubted {
+            odd(seed + 4, 14)
+        } else {
+            Vec::new()
+        },
+        square: if doubted { 1.0 / 3.0 } else { 0.0 },
+        outliers: if doubted { vec![0, 2] } else { Vec::new() },
+        jumps: if doubted {
+            vec![(1, 0), (2, 1)]
+        } else {
+            Vec::new()
+        },
+    }
+}
+
+fn state(loaded: &LoadedField) -> StateFile {
+    let field = &loaded.field;
+    let heliostats = field
+        .ids()
+        .iter()
+        .enumerate()
+        .map(|(k, id)| HeliostatParts {
+            id: id.clone(),
+            last_day: (k != 1).then_some(20_454.123_456_789 + k as f64),
+            records: 12 + k as u64,
+            outliers: k as u64,
+            jumps: vec![
+                JumpSeen {
+                    day: 1.0 / 3.0,
+                    axis: 1
+                };
+                k
+            ],
+            drift: [0.1, -0.2],
+            drift_variance: 0.3,
+            undecided: if k == 2 {
+                vec![1.5, 2.5, 3.5]
+            } else {
+                Vec::new()
+            },
+            accounts: (0..=k as u64)
+                .map(|n| account(10 * k as u64 + n, k == 2))
+                .collect(),
+        })
+        .collect();
+    let area = loaded.targets["board"].area.unwrap();
+    StateFile {
+        parts: StateParts {
+            noise: Noise {
+                beam_mrad: 0.1,
+                spot_m: 1.0 / 3.0,
+                sun_path_s: 5.7,
+            },
+            wander: Wander {
+                slow_mrad: [0.1, 0.7],
+                slow_days: 60.3,
+                fast_mrad: [1.0 / 7.0, 0.2],
+                fast_days: 0.3,
+            },
+            mishaps: Mishaps::default(),
+            alarm: Alarm::default(),
+            site_latitude_rad: loaded.site.as_ref().unwrap().latitude_rad,
+            own: vec![AxisCause::Axis2Eccentricity],
+            shared: vec![
+                Cause::Axis(AxisCause::Axis1Sag),
+                Cause::Axis(AxisCause::Axis2Sag),
+                Cause::TargetRight(0),
+                Cause::TargetDown(0),
+                Cause::SunTime,
+            ],
+            prior_sigma: odd(1, 14),
+            spread: odd(2, 28),
+            matrix: odd(3, 105),
+            vector: odd(4, 14),
+            square: 0.1 + 0.2,
+            log_determinant: -1e-300,
+            heliostats,
+        },
+        targets: vec![("board".into(), area.plane)],
+        mounts: field
+            .heliostats()
+            .iter()
+            .map(|h| KeptMount::of(&Mount::of(field.mode(), h)))
+            .collect(),
+        version: "0.1.0".into(),
+    }
+}
+
+struct Kept {
+    folder: tempfile::TempDir,
+    loaded: LoadedField,
+    path: PathBuf,
+    state: StateFile,
+}
+
+fn kept() -> Kept {
+    let folder = tempfile::tempdir().unwrap();
+    let loaded = field(folder.path(), FIELD, HELIOSTATS);
+    let path = folder.path().join("state.parquet");
+    let state = state(&loaded);
+    write_state(&path, &state).unwrap();
+    Kept {
+        folder,
+        loaded,
+        path,
+        state,
+    }
+}
+
+#[test]
+fn a_state_is_read_back_bit_by_bit_and_written_in_the_same_bytes() {
+    let kept = kept();
+    let back = read_state(&kept.path).unwrap();
+    // as text, so that -0.0 is not 0.0
+    assert_eq!(format!("{back:?}"), format!("{:?}", kept.state));
+    let first = std::fs::read(&kept.path).unwrap();
+    let again = kept.folder.path().join("again.parquet");
+    let bytes = write_state(&again, &back).unwrap();
+    assert_eq!(bytes, first.len() as u64);
+    assert!(std::fs::read(&again).unwrap() == first);
+    assert_eq!(
+        back.rows(&kept.path, &kept.loaded).unwrap(),
+        [Some(0), Some(1), Some(2)]
+    );
+}
+
+#[test]
+fn a_state_without_heliostats_is_a_state() {
+    let mut kept = kept();
+    kept.state.parts.heliostats.clear();
+    kept.state.mounts.clear();
+    write_state(&kept.path, &kept.state).unwrap();
+    assert_eq!(read_state(&kept.path).unwrap(), kept.state);
+}
+
+fn refusal(path: &Path) -> String {
+    let said = read_state(path).unwrap_err().to_string();
+    assert!(said.starts_with(&path.display().to_string()), "{said}");
+    said[path.display().to_string().len()..].to_owned()
+}
+
+#[test]
+fn what_is_no_state_is_refused_in_words() {
+    let kept = kept();
+    let at = |name: &str| kept.folder.path().join(name);
+    assert_eq!(
+        refusal(&at("none.parquet")),
+        ": cannot be read: no such file"
+    );
+    for (name, contents) in [("text.csv", "id,drift\nA1,1\n"), ("empty", "")] {
+        std::fs::write(at(name), contents).unwrap();
+        let said = refusal(&at(name));
+        assert!(said.contains("no state of a followed field"), "{said}");
+        assert!(said.contains("--joint --state"), "{said}");
+    }
+    let table = at("table.parquet");
+    let columns = [("id", Cells::Text(&["A1".to_owned()]))];
+    write_columns(Destination::File(table.clone()), Format::Parquet, &columns).unwrap();
+    let said = refusal(&table);
+    assert!(
+        said.contains("a table but no state") && said.contains("`helio_state`"),
+        "{said}"
+    );
+
+    // another format: the number stands after its key
+    let mut bytes = std::fs::read(&kept.path).unwrap();
+    let key = b"helio_state";
+    let place = (0..bytes.len() - 40)
+        .find(|&k| bytes[k..].starts_with(key) && bytes[k + key.len() + 2] == b'1')
+        .unwrap();
+    bytes[place + key.len() + 2] = b'7';
+    std::fs::write(at("newer.parquet"), bytes).unwrap();
+    let said = refusal(&at("newer.parquet"));
+    assert!(
+        said.contains("format `7`") && said.contains("reads format 1"),
+        "{said}"
+    );
+}
+
+#[test]
+fn damaged_states_are_refused_without_a_panic() {
+    let kept = kept();
+    let whole = std::fs::read(&kept.path).unwrap();
+    let damaged = kept.folder.path().join("damaged.parquet");
+    for cut in (0..whole.len()).step_by(997).chain([whole.len() - 1]) {
+        std::fs::write(&damaged, &whole[..cut]).unwrap();
+        refusal(&damaged);
+    }
+    // What a flipped bit makes of the numbers nobody can tell; of lengths and names it is told.
+    for at in (4..whole.len()).step_by(487) {
+        let mut bytes = whole.clone();
+        bytes[at] ^= 0x55;
+        std::fs::write(&damaged, bytes).unwrap();
+        drop(read_state(&damaged));
+    }
+}
+
+#[test]
+fn a_write_that_fails_leaves_what_was_there() {
+    let kept = kept();
+    let before = std::fs::read(&kept.path).unwrap();
+    let mut wrong = kept.state.clone();
+    wrong.mounts.pop();
+    let said = write_state(&kept.path, &wrong).unwrap_err().to_string();
+    assert!(
+        said.contains("expected 3 mounts, one a heliostat, got 2"),
+        "{said}"
+    );
+    assert!(std::fs::read(&kept.path).unwrap() == before);
+    let nowhere = kept.folder.path().join("none/state.parquet");
+    let said = write_state(&nowhere, &kept.state).unwrap_err().to_string();
+    assert!(said.contains("does not exist"), "{said}");
+}
+
+#[test]
+fn a_field_that_has_changed_is_refused_by_name() {
+    let kept = kept();
+    let folder = tempfile::tempdir().unwrap();
+    let said = |toml: &str, heliostats: &str| {
+        let changed = field(folder.path(), toml, heliostats);
+        kept.state
+            .rows(&kept.path, &changed)
+            .unwrap_err()
+            .to_string()
+    };
+    for (from, to, wanted) in [
+        (
+            "latitude_deg = 37.4",
+            "latitude_deg = 37.5",
+            "latitude of 37.4 degrees, this field's at 37.5",
+        ),
+        (
+            "[0.0, 8.0, 70.0]",
+            "[0.0, 8.0, 70.1]",
+            "target `board` has its centre at (0, 8, 70) there and at (0, 8, 70.1)",
+        ),
+        (
+            "normal_enu = [0.0, 1.0, 0.0]",
+            "normal_enu = [0.1, 1.0, 0.0]",
+            "target `board` has its normal along (0, 1, 0)",
+        ),
+        (
+            "mirror_offset_m = 0.3",
+            "mirror_offset_m = 0.2",
+            "heliostat `A1`: has a mirror offset of 0.3 m there and of 0.2 m",
+        ),
+        (
+            "aim = \"board\"",
+            "aim = \"board\"\nmode = \"polar\"",
+            "heliostat `A1`: has its fixed axis along (0, 0, 1) there",
+        ),
+    ] {
+        assert!(FIELD.contains(from));
+        let said = said(&FIELD.replace(from, to), HELIOSTATS);
+        assert!(said.contains(wanted), "{said}");
+    }
+    let said = said(FIELD, &HELIOSTATS.replace("A2,0.5,", "A2,0.6,"));
+    assert!(
+        said.contains("heliostat `A2`: has its pivot at (0.5, 110, 3) there and at (0.6, 110, 3)"),
+        "{said}"
+    );
+    assert!(said.contains("begin a new state with --joint"), "{said}");
+
+    // Less than a millimetre is rounding, other orders and other heliostats are no contradiction.
+    let rounded = "id,east_m,north_m,up_m\nA2,0.5004,110,3\nNEW,1,200,3\nA1,-40,100,3\n";
+    let changed = field(folder.path(), FIELD, rounded);
+    let rows = kept.state.rows(&kept.path, &changed).unwrap();
+    assert_eq!(rows, [Some(2), Some(0), None]);
+}
