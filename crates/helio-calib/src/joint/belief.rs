@@ -41,8 +41,6 @@ pub(super) struct Shape {
     pub causes: usize,
     /// Whether the mean is kept as a function of what is common; if not, that is taken as known.
     pub tied: bool,
-    /// Whether means of those at rest are among what is common.
-    pub means: bool,
 }
 
 impl Shape {
@@ -52,10 +50,10 @@ impl Shape {
     }
     /// In common: means of those at rest, then the causes.
     pub const fn common(self) -> usize {
-        match (self.tied, self.means) {
-            (true, true) => self.still + self.causes,
-            (true, false) => self.causes,
-            (false, _) => 0,
+        if self.tied {
+            self.still + self.causes
+        } else {
+            0
         }
     }
     /// Numbers of a linearised record.
@@ -199,7 +197,7 @@ impl<T: Number> Belief<T> {
         for (to, &from) in belief.spread.iter_mut().zip(spread) {
             *to = T::splat(from);
         }
-        if shape.tied && shape.means {
+        if shape.tied {
             for i in 0..shape.still {
                 belief.gain[i * common + i] = T::splat(1.0);
             }
@@ -298,12 +296,11 @@ impl<T: Number> Belief<T> {
             left = [left[0] - h[0] * m, left[1] - h[1] * m];
         }
         // h = F + H G
-        let means = of_common.saturating_sub(causes);
         for (k, c) in room.common.iter_mut().enumerate() {
-            *c = if k < means {
+            *c = if k < still {
                 [T::splat(0.0); 2]
             } else {
-                let cause = k - means;
+                let cause = k - still;
                 [by_cause[2 * cause], by_cause[2 * cause + 1]]
             };
         }

@@ -1,14 +1,8 @@
 //! Eight heliostats of a joint fit side by side: their records linearised and filtered in lanes.
 //!
-//! The filter of [`belief`](super::belief) with two shortcuts. It starts at what is expected of the common
-//! unknowns and not at zero, so that surprises need no common unknowns. And it carries the causes alone: a
-//! heliostat's records depend on the field's means through its own unknowns only, whose prior they are, so
-//! that all that is told of them follows from what is known after the last record. With Σ the prior's
-//! covariance, P that of unknowns at rest afterwards and G their gain by the causes: the gain by the means is
-//! P Σ⁻¹, and the normal equations have Σ⁻¹ - Σ⁻¹ P Σ⁻¹, the mixed block -Σ⁻¹ G, and Σ⁻¹ (m - mean).
+//! The filter of [`belief`](super::belief), begun at what is expected of the common unknowns and not at zero, so
+//! that surprises need no common unknowns.
 
-use faer::prelude::Solve;
-use faer::{Mat, Side};
 use helio_core::lanes::{BLOCK, Columns, Kernel, Lanes, run};
 use helio_core::{Enu, SimdLevel};
 use rayon::prelude::*;
@@ -146,28 +140,15 @@ pub(super) struct Prior<'a> {
     shape: Shape,
     rates: Rates,
     spread: &'a [f64],
-    /// Σ⁻¹, row by row; not finite where Σ is none.
-    per_spread: Vec<f64>,
     about: &'a [f64],
 }
 
 impl<'a> Prior<'a> {
     pub fn new(shape: Shape, hyper: &'a Hyper, about: &'a [f64]) -> Self {
-        let n = shape.still;
-        let spread = &hyper.spread[..];
-        let matrix = Mat::from_fn(n, n, |i, j| spread[at(i.max(j), i.min(j))]);
-        let per_spread = matrix.llt(Side::Lower).map_or_else(
-            |_| vec![f64::NAN; n * n],
-            |factor| {
-                let inverse = factor.solve(Mat::<f64>::identity(n, n));
-                (0..n * n).map(|k| inverse[(k / n, k % n)]).collect()
-            },
-        );
         Self {
             shape,
             rates: hyper.rates(),
-            spread,
-            per_spread,
+            spread: &hyper.spread,
             about,
         }
     }
@@ -559,10 +540,7 @@ fn filter_some<L: Lanes>(
     total: &mut Total,
     lane: usize,
 ) {
-    let shape = Shape {
-        means: false,
-        ..prior.shape
-    };
+    let shape = prior.shape;
     let Shape { still, causes, .. } = shape;
     let (own, common) = (shape.own(), prior.shape.common());
     let (zero, one) = (Lane::<L>::splat(0.0), Lane::<L>::splat(1.0));
@@ -612,62 +590,23 @@ fn filter_some<L: Lanes>(
     for (from, to) in belief.spread.iter().zip(&mut known.spread) {
         from.write(to, lane);
     }
-    // by the means
-    let per = &prior.per_spread;
-    let mut by_mean = vec![zero; own * still];
+    for (from, to) in belief.gain.iter().zip(&mut known.gain) {
+        from.write(to, lane);
+    }
     for i in 0..own {
-        for j in 0..still {
-            let mut sum = zero;
-            for l in 0..still {
-                let p = belief.spread[at(i.max(l), i.min(l))];
-                sum = p.mul_add(Lane::splat(per[l * still + j]), sum);
-            }
-            by_mean[i * still + j] = sum;
-            sum.write(&mut known.gain[i * common + j], lane);
-        }
-        for k in 0..causes {
-            belief.gain[i * causes + k].write(&mut known.gain[i * common + still + k], lane);
-        }
         let mut mean = belief.mean[i];
-        for j in 0..still {
-            mean = by_mean[i * still + j].neg_mul_add(Lane::splat(prior.about[j]), mean);
-        }
-        for k in 0..causes {
-            let about = Lane::splat(prior.about[still + k]);
-            mean = belief.gain[i * causes + k].neg_mul_add(about, mean);
+        let line = &belief.gain[i * common..(i + 1) * common];
+        for (&g, &b) in line.iter().zip(prior.about) {
+            mean = g.neg_mul_add(Lane::splat(b), mean);
         }
         mean.write(&mut known.mean[i], lane);
     }
     let taken = Lane::read(&group.taken, lane);
-    for i in 0..still {
-        for j in 0..=i {
-            let mut sum = Lane::splat(per[i * still + j]);
-            for l in 0..still {
-                sum = by_mean[l * still + j].neg_mul_add(Lane::splat(per[i * still + l]), sum);
-            }
-            (sum * taken).write(&mut total.matrix[at(i, j)], lane);
-        }
-        let mut sum = zero;
-        for l in 0..still {
-            let apart = belief.mean[l] - Lane::splat(prior.about[l]);
-            sum = apart.mul_add(Lane::splat(per[i * still + l]), sum);
-        }
-        (sum * taken).write(&mut total.vector[i], lane);
+    for (&from, to) in told.matrix.iter().zip(&mut total.matrix) {
+        (from * taken).write(to, lane);
     }
-    for k in 0..causes {
-        for i in 0..still {
-            let mut sum = zero;
-            for l in 0..still {
-                let gain = belief.gain[l * causes + k];
-                sum = gain.neg_mul_add(Lane::splat(per[i * still + l]), sum);
-            }
-            (sum * taken).write(&mut total.matrix[at(still + k, i)], lane);
-        }
-        for l in 0..=k {
-            let value = told.matrix[at(k, l)] * taken;
-            value.write(&mut total.matrix[at(still + k, still + l)], lane);
-        }
-        (told.vector[k] * taken).write(&mut total.vector[still + k], lane);
+    for (&from, to) in told.vector.iter().zip(&mut total.vector) {
+        (from * taken).write(to, lane);
     }
     (told.square * taken).write(&mut total.square, lane);
 }
@@ -846,5 +785,125 @@ impl Sample {
             }
         }
         total
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::hyper::waited;
+    use super::super::rows::{Expansion, pole};
+    use super::super::simulate::{FieldOptions, simulate_field};
+    use super::super::terms::{AxisCause, Cause};
+    use super::*;
+
+    fn hyper(still: usize) -> Hyper {
+        use super::super::hyper::{
+            EXPECTED_NOISE, EXPECTED_SPREAD_MRAD, EXPECTED_WANDER, expected_covariance,
+        };
+        let mut sigma = EXPECTED_SPREAD_MRAD.to_vec();
+        sigma.resize(still, 1.0);
+        Hyper {
+            noise: EXPECTED_NOISE,
+            wander: EXPECTED_WANDER,
+            spread: expected_covariance(&sigma),
+        }
+    }
+
+    /// Relative to the largest of the wanted numbers.
+    fn near(what: &str, got: &[f64], want: &[f64]) {
+        let size = want.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        assert_eq!(got.len(), want.len(), "{what}");
+        for (k, (got, want)) in got.iter().zip(want).enumerate() {
+            assert!(
+                (got - want).abs() <= 1e-9 * size,
+                "{what} {k}: {got} {want} of {size}"
+            );
+        }
+    }
+
+    /// The filter of one heliostat, record by record about zero, is what the lanes are held to: with a jump,
+    /// a record that is not believed and lengths that differ.
+    #[test]
+    fn lanes_know_and_tell_what_the_filter_of_one_does() {
+        let options = FieldOptions {
+            heliostats: 3,
+            records: 14,
+            ..FieldOptions::new(3).unwrap()
+        };
+        let field = simulate_field(&options).unwrap();
+        let mut campaigns = field.first(14);
+        campaigns[1].observations = &campaigns[1].observations[..9];
+        let structure = Structure {
+            own: vec![AxisCause::Axis2Eccentricity],
+            shared: vec![
+                Cause::Axis(AxisCause::Axis1Sag),
+                Cause::TargetRight(0),
+                Cause::TargetDown(1),
+                Cause::SunTime,
+            ],
+        };
+        let shape = structure.shape();
+        let pole = pole(options.site.latitude_rad());
+        let place = Expansion {
+            still: vec![1e-3, -2e-3, 3e-3, 5e-4, -1e-3, 2e-3, 4e-4],
+            shared: vec![1e-3, 0.01, -0.02, 3.0],
+        };
+        let hyper = hyper(shape.still);
+        let about: Vec<f64> = (0..shape.common()).map(|k| 0.1 * k as f64 - 0.4).collect();
+        let marks = Marks {
+            outliers: vec![4],
+            jumps: vec![(6, 0), (8, 1)],
+        };
+        let mut group = Group::default();
+        let heliostats = campaigns.iter().map(|c| (c, &place.still[..]));
+        group.fill(&structure, heliostats, pole);
+        group.linearise(SimdLevel::best(), &structure, &place.shared);
+        group.mark(shape, 1, &marks, 10.0);
+        let prior = Prior::new(shape, &hyper, &about);
+        let mut known = Beliefs::default();
+        let total = group.filter(SimdLevel::best(), &prior, &mut known);
+        let got = total.sum(shape, &about);
+
+        let rates = hyper.rates();
+        let rest = shape.row() - column::REST;
+        let mut want = Sum::nothing(shape);
+        for (lane, campaign) in campaigns.iter().enumerate() {
+            let mut rows = Rows::of(&structure, campaign, &place, pole);
+            if lane == 1 {
+                rows.mark(shape, &marks, 10.0);
+            }
+            near(
+                "rows",
+                &group.rows_of(shape, lane, campaign).numbers,
+                &rows.numbers,
+            );
+            let mut belief = Belief::of_field(shape, &hyper.spread, &rates);
+            let mut told = Told::nothing(shape);
+            let mut log_determinant = 0.0;
+            for k in 0..rows.len() {
+                let row = rows.row(shape, k);
+                let (kept, added) = waited(&rates, row[rest + column::DAYS]);
+                belief.wait(kept, added);
+                belief.loosen([row[rest + column::JUMP], row[rest + column::JUMP + 1]]);
+                if row[rest + column::SILENT] == 0.0 {
+                    let surprise = belief.weigh(row, &rates, 0.0, &[]);
+                    belief.believe(&surprise, &mut told);
+                    log_determinant += surprise.log_determinant();
+                }
+            }
+            want.add(&Sum::new(told, log_determinant));
+            let lanes = known.belief(shape, lane);
+            near("mean", &lanes.mean, &belief.mean);
+            near("gain", &lanes.gain, &belief.gain);
+            near("spread", &lanes.spread, &belief.spread);
+        }
+        near("matrix", &got.told.matrix, &want.told.matrix);
+        near("vector", &got.told.vector, &want.told.vector);
+        near("square", &[got.told.square], &[want.told.square]);
+        near(
+            "determinant",
+            &[got.log_determinant],
+            &[want.log_determinant],
+        );
     }
 }

@@ -36,7 +36,6 @@ impl Structure {
             still: ANGLES + self.own.len(),
             causes: self.shared.len(),
             tied: true,
-            means: true,
         }
     }
 }
