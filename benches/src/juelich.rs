@@ -32,8 +32,6 @@ pub enum Others {
     BeforeThatDay,
     /// All up to the last own record that is used.
     BeforeOwnLast,
-    /// None.
-    Nobody,
 }
 
 /// After how many records of its own a new heliostat is looked at.
@@ -172,7 +170,6 @@ impl Campaigns {
             let end = match others {
                 Others::BeforeThatDay => today,
                 Others::BeforeOwnLast => today.min(last_own + 1),
-                Others::Nobody => i64::MIN,
             };
             let mut known: Vec<(&Records, Vec<Observation>)> = Vec::new();
             for records in self.all.iter().filter(|r| r.name != name) {

@@ -77,7 +77,7 @@ pub(super) mod column {
     pub const ON_TARGET: usize = 5;
     /// Days since the record before.
     pub const DAYS: usize = 6;
-    /// Variances added to the slow zero points just before \[mrad²\].
+    /// Variances added to the references just before \[mrad²\].
     pub const JUMP: usize = 7;
     /// 1 where the record is not believed.
     pub const SILENT: usize = 9;

@@ -233,6 +233,11 @@ fn fit_at(
     }
 }
 
+/// Those with as many records side by side.
+fn alike(campaigns: &[Campaign<'_>], heliostats: &mut [usize]) {
+    heliostats.sort_by_key(|&k| core::cmp::Reverse(campaigns[k].observations.len()));
+}
+
 impl<'a> Work<'a> {
     fn new(
         campaigns: &'a [Campaign<'a>],
@@ -299,7 +304,7 @@ impl<'a> Work<'a> {
             minus_log_likelihood: 0.0,
         };
         let mut order: Vec<usize> = (0..campaigns.len()).collect();
-        order.sort_by_key(|&k| core::cmp::Reverse(campaigns[k].observations.len()));
+        alike(campaigns, &mut order);
         Ok(Self {
             campaigns,
             options,
@@ -374,7 +379,7 @@ impl<'a> Work<'a> {
             .collect();
         let count = with.len().min(self.options.learnt_from.max(1));
         let mut chosen: Vec<usize> = (0..count).map(|k| with[k * with.len() / count]).collect();
-        self.alike(&mut chosen);
+        alike(self.campaigns, &mut chosen);
         let prior = Prior::new(self.shape, &self.hyper, &self.common.mean);
         let each: Vec<(Group, Decided)> = chosen
             .par_chunks(BLOCK)
@@ -411,11 +416,6 @@ impl<'a> Work<'a> {
             about: self.common.mean.clone(),
         };
         (sample, decided)
-    }
-
-    /// Those with as many records side by side.
-    fn alike(&self, heliostats: &mut [usize]) {
-        heliostats.sort_by_key(|&k| core::cmp::Reverse(self.campaigns[k].observations.len()));
     }
 
     fn learn(&mut self, sample: &Sample) {

@@ -369,7 +369,7 @@ impl Rows {
 }
 
 impl Rows {
-    /// Writes down what was decided: outliers are not believed, jumps loosen zero points.
+    /// Writes down what was decided: outliers are not believed, jumps loosen references.
     pub fn mark(&mut self, shape: Shape, marks: &Marks, jump_mrad: f64) {
         let rest = shape.row() - column::REST;
         for &k in &marks.outliers {
