@@ -133,6 +133,12 @@ impl Campaigns {
         self.all.iter().map(|r| r.name.as_str())
     }
 
+    /// The records, each heliostat's in time.
+    #[must_use]
+    pub fn records(&self) -> &[Records] {
+        &self.all
+    }
+
     /// Foretells the later half of a heliostat's records.
     ///
     /// # Panics

@@ -47,12 +47,13 @@ fn dot<T: Real>(a: [T; 3], b: [T; 3]) -> T {
 /// A row vector times a matrix: c A.
 #[inline(always)]
 fn row_times<T: Real>(c: [T; 3], matrix: &[[T; 3]; 3]) -> [T; 3] {
-    core::array::from_fn(|k| {
-        c[2].mul_add(
-            matrix[2][k],
-            c[1].mul_add(matrix[1][k], c[0] * matrix[0][k]),
-        )
-    })
+    // loops, here and below: a closure in `from_fn` is not compiled for the lanes' instruction set
+    let mut out = c;
+    for k in 0..3 {
+        let first = c[1].mul_add(matrix[1][k], c[0] * matrix[0][k]);
+        out[k] = c[2].mul_add(matrix[2][k], first);
+    }
+    out
 }
 
 /// Terms of the power series of [`tilt_functions`].
@@ -324,9 +325,11 @@ pub fn normal<T: Real>(pose: &Pose<T>, sighting: &Sighting<T>) -> Normal<T> {
     if let Some(errors) = errors {
         let [[m11, m12], [m21, m22]] = stiffness(errors, sighting.up, gamma, alpha);
         let per = T::splat(1.0) / (m11 * m22 - m12 * m21);
-        let kept = (by_gamma0, by_alpha0);
-        by_gamma0 = core::array::from_fn(|k| (m22 * kept.0[k] - m21 * kept.1[k]) * per);
-        by_alpha0 = core::array::from_fn(|k| (m11 * kept.1[k] - m12 * kept.0[k]) * per);
+        for (first, second) in by_gamma0.iter_mut().zip(&mut by_alpha0) {
+            let kept = (*first, *second);
+            *first = (m22 * kept.0 - m21 * kept.1) * per;
+            *second = (m11 * kept.1 - m12 * kept.0) * per;
+        }
     }
     let [torque1, torque2] = torque(sighting.up, gamma, alpha);
     Normal {
@@ -373,35 +376,42 @@ pub fn landing<T: Real>(pose: &Pose<T>, sighting: &Sighting<T>) -> Landing<T> {
     let two = T::splat(2.0);
     let cos_incidence = dot(sighting.sun, n);
     let double = two * cos_incidence;
-    let r: [T; 3] = core::array::from_fn(|k| double.mul_add(n[k], -sighting.sun[k]));
+    let mut r = n;
+    for k in 0..3 {
+        r[k] = double.mul_add(n[k], -sighting.sun[k]);
+    }
     let facing = dot(plane_normal, r);
     let along = dot(plane_normal, n);
     let per_facing = T::splat(1.0) / facing;
     let beam_m = (sighting.centre_along_normal_m - offset * along) * per_facing;
-    let spot: [T; 3] = core::array::from_fn(|k| offset.mul_add(n[k], beam_m * r[k]));
+    let mut spot = n;
+    for k in 0..3 {
+        spot[k] = offset.mul_add(n[k], beam_m * r[k]);
+    }
     // What a move of the beam's end does on the plane: along xi and eta, sheared by the beam's slant.
     let slant = [dot(right, r) * per_facing, dot(down, r) * per_facing];
-    let on_plane: [[T; 3]; 2] = [
-        core::array::from_fn(|k| right[k] - slant[0] * plane_normal[k]),
-        core::array::from_fn(|k| down[k] - slant[1] * plane_normal[k]),
-    ];
+    let mut on_plane = [right, down];
+    for (of, slant) in on_plane.iter_mut().zip(slant) {
+        for k in 0..3 {
+            of[k] = of[k] - slant * plane_normal[k];
+        }
+    }
     // d = (Hz + 2 lambda s·n) dn + 2 lambda (s·dn) n: both products taken once for all parameters
     let stretch = beam_m.mul_add(double, offset);
-    let turn: [[T; 3]; 2] = [0, 1].map(|i| {
-        let pull = two * beam_m * dot(on_plane[i], n);
-        core::array::from_fn(|k| stretch.mul_add(on_plane[i][k], pull * sighting.sun[k]))
-    });
-    let by = |i: usize, parameter: usize| {
-        if parameter < 6 {
-            dot(turn[i], slopes[parameter])
-        } else {
-            dot(on_plane[i], n)
+    let mut by_parameter = [[two; COUNT]; 2];
+    for (by, on_plane) in by_parameter.iter_mut().zip(on_plane) {
+        let along = dot(on_plane, n);
+        let pull = two * beam_m * along;
+        let mut turn = on_plane;
+        for k in 0..3 {
+            turn[k] = stretch.mul_add(on_plane[k], pull * sighting.sun[k]);
         }
-    };
-    let slopes: [[T; COUNT]; 2] = [
-        core::array::from_fn(|parameter| by(0, parameter)),
-        core::array::from_fn(|parameter| by(1, parameter)),
-    ];
+        for (by, slope) in by.iter_mut().zip(slopes) {
+            *by = dot(turn, slope);
+        }
+        by[Parameter::MirrorOffset as usize] = along;
+    }
+    let slopes = by_parameter;
     // further turned is less reference
     let by_pose_errors = |slopes: &[T; COUNT]| {
         let by_alpha0 = slopes[Parameter::ElevationReference as usize];

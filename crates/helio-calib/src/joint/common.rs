@@ -79,15 +79,12 @@ impl Common {
 
     /// Mean of a heliostat's own unknowns.
     pub fn mean_of(&self, belief: &Belief<f64>) -> Vec<f64> {
-        let lines = belief.gain.chunks_exact(self.mean.len());
-        let of_line =
-            |line: &[f64]| -> f64 { line.iter().zip(&self.mean).map(|(g, b)| g * b).sum() };
-        belief
-            .mean
-            .iter()
-            .zip(lines)
-            .map(|(m, line)| m + of_line(line))
-            .collect()
+        let by_common = |i: usize| -> f64 {
+            let pairs = self.mean.iter().enumerate();
+            pairs.map(|(k, b)| belief.gain(i, k) * b).sum()
+        };
+        let means = belief.mean.iter().enumerate();
+        means.map(|(i, m)| m + by_common(i)).collect()
     }
 
     /// Covariance of a heliostat's own unknowns, row by row: P + G V Gᵀ.
@@ -96,7 +93,7 @@ impl Common {
         let mut through = vec![0.0; own * common];
         for i in 0..own {
             for k in 0..common {
-                let g = belief.gain[i * common + k];
+                let g = belief.gain(i, k);
                 if g != 0.0 {
                     for l in 0..common {
                         through[i * common + l] += g * self.covariance[k * common + l];
@@ -107,9 +104,9 @@ impl Common {
         let mut out = vec![0.0; own * own];
         for i in 0..own {
             for j in 0..=i {
-                let mut value = belief.spread[at(i, j)];
+                let mut value = belief.covariance(i, j);
                 for l in 0..common {
-                    value += through[i * common + l] * belief.gain[j * common + l];
+                    value += through[i * common + l] * belief.gain(j, l);
                 }
                 out[i * own + j] = value;
                 out[j * own + i] = value;

@@ -99,7 +99,7 @@ pub(super) fn foretold(
         for c in 0..2 {
             miss[c] -= slope(i, c) * belief.mean[i];
             for k in 0..n {
-                by_common[k][c] += slope(i, c) * belief.gain[i * n + k];
+                by_common[k][c] += slope(i, c) * belief.gain(i, k);
             }
         }
     }
@@ -116,9 +116,7 @@ pub(super) fn foretold(
         *to = if c == d { noise } else { 0.0 } + rates.sun * path[c] * path[d];
         for i in 0..own {
             for j in 0..own {
-                let (i, j) = (i, j);
-                let spread = belief.spread[super::belief::at(i.max(j), i.min(j))];
-                *to += slope(i, c) * slope(j, d) * spread;
+                *to += slope(i, c) * slope(j, d) * belief.covariance(i, j);
             }
         }
         for i in 0..n {
@@ -174,12 +172,33 @@ pub struct History {
 }
 
 impl JointFit {
-    fn rows(&self, k: usize, campaign: &Campaign<'_>) -> Rows {
+    pub(super) fn rows(&self, k: usize, campaign: &Campaign<'_>) -> Rows {
         let at = Expansion {
             still: self.heliostats[k].still.clone(),
             shared: shared_values(&self.structure, &self.common),
         };
         Rows::of(&self.structure, campaign, &at, pole(self.site_latitude_rad))
+    }
+
+    /// The records that the fit used, with what was decided about them.
+    pub(super) fn marked(&self, k: usize, campaign: &Campaign<'_>) -> (Rows, Marks) {
+        let posterior = &self.heliostats[k];
+        let mut rows = self.rows(k, campaign);
+        let place = |observation: usize| rows.of.iter().position(|&of| of == observation);
+        let marks = Marks {
+            outliers: posterior
+                .outliers
+                .iter()
+                .filter_map(|&o| place(o))
+                .collect(),
+            jumps: posterior
+                .jumps
+                .iter()
+                .filter_map(|&(o, axis)| Some((place(o)?, axis)))
+                .collect(),
+        };
+        rows.mark(self.structure.shape(), &marks, self.mishaps.jump_mrad);
+        (rows, marks)
     }
 
     /// Holds the observations of a campaign of heliostat `k` against what is foretold of them from its records
@@ -204,25 +223,12 @@ impl JointFit {
     pub fn history(&self, k: usize, campaign: &Campaign<'_>) -> Vec<History> {
         let shape = self.structure.shape();
         let posterior = &self.heliostats[k];
-        let mut rows = self.rows(k, campaign);
-        let place = |observation: usize| rows.of.iter().position(|&of| of == observation);
-        let marks = Marks {
-            outliers: posterior
-                .outliers
-                .iter()
-                .filter_map(|&o| place(o))
-                .collect(),
-            jumps: posterior
-                .jumps
-                .iter()
-                .filter_map(|&(o, axis)| Some((place(o)?, axis)))
-                .collect(),
-        };
-        rows.mark(shape, &marks, self.mishaps.jump_mrad);
+        let (rows, marks) = self.marked(k, campaign);
         let rates = self.hyper.rates();
         let mut belief = Belief::of_field(shape, &self.hyper.spread, &rates);
         let rest = shape.row() - column::REST;
         let mut told = super::belief::Told::nothing(shape);
+        let mut room = super::belief::Room::of(shape);
         let mut out = Vec::with_capacity(rows.len());
         for record in 0..rows.len() {
             let row = rows.row(shape, record);
@@ -233,10 +239,10 @@ impl JointFit {
             }
             belief.loosen([row[rest + column::JUMP], row[rest + column::JUMP + 1]]);
             let before = foretold(shape, row, &rates, &belief, &self.common);
-            let surprise = belief.weigh(row, &rates, 0.0, &[]);
+            let surprise = belief.weigh(row, &rates, &[], &mut room);
             let outlier = marks.outliers.contains(&record);
             if row[rest + column::SILENT] == 0.0 {
-                belief.believe(&surprise, &mut told);
+                belief.believe(&surprise, &mut room, &mut told);
             }
             let [mut zero, sigma] = references(&belief, &self.common);
             for (zero, at_rest) in zero.iter_mut().zip(REFERENCES) {

@@ -3,16 +3,16 @@
 //! The filter of [`belief`](super::belief), begun at what is expected of the common unknowns and not at zero, so
 //! that surprises need no common unknowns.
 
+use faer::prelude::Solve;
+use faer::{Mat, Side};
 use helio_core::lanes::{BLOCK, Columns, Kernel, Lanes, run};
 use helio_core::{Enu, SimdLevel};
 use rayon::prelude::*;
 
-use super::belief::{Belief, Number, Rates, Room, Shape, Told, WANDERING, at, column};
+use super::belief::{Belief, Number, Rates, Room, Shape, Tied, Told, WANDERING, at, column};
 use super::common::{Common, Sum};
 use super::hyper::{Hyper, Marks};
-use super::rows::{
-    DAY_NS, MILLI, Place, Prepared, Rows, SUN_TURN_RAD_S, Structure, in_time, linearise,
-};
+use super::rows::{DAY_NS, MILLI, Place, Prepared, SUN_TURN_RAD_S, Structure, in_time, linearise};
 use crate::field::Campaign;
 use crate::field::lane::{Eight, Lane};
 use crate::model::Real;
@@ -66,6 +66,8 @@ pub(super) struct Group {
     /// 1 for a heliostat, 0 for a place that nobody takes.
     taken: Eight,
     length: usize,
+    /// Whether a reference jumped in any of them.
+    jumped: bool,
 }
 
 /// What is known of eight heliostats after their records, as [`Belief`] has it.
@@ -140,18 +142,37 @@ pub(super) struct Prior<'a> {
     shape: Shape,
     rates: Rates,
     spread: &'a [f64],
+    /// Inverse of the spread, row by row; none where it has none.
+    per_spread: Option<Vec<f64>>,
     about: &'a [f64],
+    /// Causes in common that are not held to zero.
+    causes: &'a [usize],
 }
 
 impl<'a> Prior<'a> {
-    pub fn new(shape: Shape, hyper: &'a Hyper, about: &'a [f64]) -> Self {
+    pub fn new(shape: Shape, hyper: &'a Hyper, about: &'a [f64], causes: &'a [usize]) -> Self {
         Self {
             shape,
             rates: hyper.rates(),
             spread: &hyper.spread,
+            per_spread: inverse(shape.still, &hyper.spread),
             about,
+            causes,
         }
     }
+}
+
+/// Of a lower triangle, in units of its diagonal.
+fn inverse(n: usize, triangle: &[f64]) -> Option<Vec<f64>> {
+    let sigma: Vec<f64> = (0..n).map(|i| libm::sqrt(triangle[at(i, i)])).collect();
+    let matrix = Mat::from_fn(n, n, |i, j| {
+        triangle[at(i.max(j), i.min(j))] / (sigma[i] * sigma[j])
+    });
+    let inverse = matrix.llt(Side::Lower).ok()?.solve(Mat::identity(n, n));
+    let out: Vec<f64> = (0..n * n)
+        .map(|k| inverse[(k / n, k % n)] / (sigma[k / n] * sigma[k % n]))
+        .collect();
+    out.iter().all(|x| x.is_finite()).then_some(out)
 }
 
 impl Group {
@@ -229,6 +250,7 @@ impl Group {
         let needed = self.length * structure.shape().row();
         self.rows.clear();
         self.rows.resize(needed, [0.0; BLOCK]);
+        self.jumped = false;
         run(
             level,
             Linearise {
@@ -245,20 +267,16 @@ impl Group {
         for &k in &marks.outliers {
             self.rows[k * shape.row() + rest + column::SILENT][lane] = 1.0;
         }
+        self.jumped |= !marks.jumps.is_empty();
         for &(k, axis) in &marks.jumps {
             self.rows[k * shape.row() + rest + column::JUMP + axis][lane] = jump_mrad * jump_mrad;
         }
     }
 
-    /// The linearised records of a heliostat by themselves.
-    pub fn rows_of(&self, shape: Shape, lane: usize, campaign: &Campaign<'_>) -> Rows {
-        let (of, days) = in_time(campaign);
-        let wanted = self.rows[..of.len() * shape.row()].iter();
-        Rows {
-            numbers: wanted.map(|values| values[lane]).collect(),
-            of,
-            days,
-        }
+    /// The first linearised records of a heliostat by themselves, one after the other.
+    pub fn records_of(&self, shape: Shape, lane: usize, count: usize) -> Vec<f64> {
+        let wanted = self.rows[..count * shape.row()].iter();
+        wanted.map(|values| values[lane]).collect()
     }
 
     /// Goes through all records.
@@ -266,6 +284,8 @@ impl Group {
         let shape = prior.shape;
         let zero = [0.0; BLOCK];
         known.mean.resize(shape.own(), zero);
+        // causes that are held to zero have no part in anything
+        known.gain.clear();
         known.gain.resize(shape.own() * shape.common(), zero);
         known.spread.resize(Shape::triangle(shape.own()), zero);
         known.farthest = zero;
@@ -285,7 +305,7 @@ impl Group {
         for product in &total.determinants {
             for (value, taken) in product.iter().zip(&self.taken) {
                 if *taken > 0.0 {
-                    total.log_determinant += 2.0 * libm::log(*value);
+                    total.log_determinant += libm::log(*value);
                 }
             }
         }
@@ -498,13 +518,21 @@ fn linearise_some<L: Lanes>(
 fn forgotten<L: Lanes>(x: Lane<L>) -> Lane<L> {
     const DOUBLED: usize = 6;
     const MOST: f64 = 64.0;
+    const TERMS: usize = 18;
+    const PER: [f64; TERMS] = {
+        let mut per = [0.0; TERMS];
+        let mut k = 0;
+        while k < TERMS {
+            per[k] = 1.0 / (TERMS - k + 1) as f64;
+            k += 1;
+        }
+        per
+    };
     let one = Lane::splat(1.0);
     let x = x.min(Lane::splat(MOST)).max(Lane::splat(0.0)) * Lane::splat(1.0 / MOST);
     let mut sum = one;
-    let mut n = 19.0;
-    while n > 1.5 {
-        sum = (x * sum).neg_mul_add(Lane::splat(1.0 / n), one);
-        n -= 1.0;
+    for per in PER {
+        sum = (x * sum).neg_mul_add(Lane::splat(per), one);
     }
     let mut lost = x * sum;
     for _ in 0..DOUBLED {
@@ -532,6 +560,17 @@ impl Kernel for Filter<'_> {
     }
 }
 
+/// What the mean is made a function of: the causes alone, as long as no reference jumps. By the means of the
+/// unknowns at rest it then follows from what is known at the end (see [`by_means`]).
+fn tied(group: &Group, prior: &Prior<'_>) -> Shape {
+    let all = group.jumped || prior.per_spread.is_none();
+    Shape {
+        still: prior.shape.still,
+        causes: prior.causes.len(),
+        tied: if all { Tied::All } else { Tied::Causes },
+    }
+}
+
 #[inline(always)]
 fn filter_some<L: Lanes>(
     group: &Group,
@@ -540,33 +579,48 @@ fn filter_some<L: Lanes>(
     total: &mut Total,
     lane: usize,
 ) {
-    let shape = prior.shape;
-    let Shape { still, causes, .. } = shape;
-    let (own, common) = (shape.own(), prior.shape.common());
+    let given = prior.shape;
+    let shape = tied(group, prior);
+    let still = shape.still;
     let (zero, one) = (Lane::<L>::splat(0.0), Lane::<L>::splat(1.0));
-    let mut belief = Belief::of_field(shape, prior.spread, &prior.rates);
+    let rates = &prior.rates;
+    let rest = shape.row() - column::REST;
+    let rest_given = given.row() - column::REST;
+    // apart from the filter: no record waits for another
+    let mut lost = vec![[zero; 2]; group.length];
+    for (lost, numbers) in lost.iter_mut().zip(group.rows.chunks_exact(given.row())) {
+        let days = Lane::read(&numbers[rest_given + column::DAYS], lane);
+        *lost = [
+            forgotten(days / Lane::splat(rates.days[0])),
+            forgotten(days / Lane::splat(rates.days[2])),
+        ];
+    }
+    let mut belief = Belief::of_field(shape, prior.spread, rates);
     for i in 0..still {
         belief.mean[i] = Lane::splat(prior.about[i]);
     }
     let mut told = Told::nothing(shape);
+    let mut room = Room::of(shape);
     let mut row = vec![zero; shape.row()];
-    let rest = shape.row() - column::REST;
     let mut farthest = zero;
-    let rates = &prior.rates;
-    for (k, numbers) in group.rows.chunks_exact(shape.row()).enumerate() {
-        for (to, from) in row.iter_mut().zip(numbers) {
+    for (k, numbers) in group.rows.chunks_exact(given.row()).enumerate() {
+        for (to, from) in row[..2 * still].iter_mut().zip(numbers) {
             *to = Lane::read(from, lane);
         }
-        for cause in 0..causes {
+        let last = numbers[rest_given..].iter();
+        for (to, from) in row[rest..].iter_mut().zip(last) {
+            *to = Lane::read(from, lane);
+        }
+        for (n, &cause) in prior.causes.iter().enumerate() {
             let value = Lane::splat(prior.about[still + cause]);
             for i in 0..2 {
+                let slope = Lane::read(&numbers[2 * (still + cause) + i], lane);
+                row[2 * (still + n) + i] = slope;
                 let seen = &mut row[rest + column::SEEN + i];
-                *seen = value.neg_mul_add(row_at(numbers, 2 * (still + cause) + i, lane), *seen);
+                *seen = value.neg_mul_add(slope, *seen);
             }
         }
-        let days = row[rest + column::DAYS];
-        let slow = forgotten(days / Lane::splat(rates.days[0]));
-        let fast = forgotten(days / Lane::splat(rates.days[2]));
+        let [slow, fast] = lost[k];
         let lost = [slow, slow, fast, fast];
         let mut kept = [zero; WANDERING];
         let mut added = [zero; WANDERING];
@@ -575,11 +629,13 @@ fn filter_some<L: Lanes>(
             added[i] = Lane::splat(rates.wander[i]) * (lost[i] * (one + kept[i]));
         }
         belief.wait(kept, added);
-        belief.loosen([row[rest + column::JUMP], row[rest + column::JUMP + 1]]);
-        let mut surprise = belief.weigh(&row, rates, 0.0, &[]);
-        belief.mute(&mut surprise, one - row[rest + column::SILENT]);
-        farthest = surprise.square.max(farthest);
-        belief.believe(&surprise, &mut told);
+        if group.jumped {
+            belief.loosen([row[rest + column::JUMP], row[rest + column::JUMP + 1]]);
+        }
+        let mut surprise = belief.weigh(&row, rates, &[], &mut room);
+        surprise.mute(one - row[rest + column::SILENT]);
+        farthest = surprise.square().max(farthest);
+        belief.believe(&surprise, &mut room, &mut told);
         if k % TOGETHER == TOGETHER - 1 || k + 1 == group.length {
             told.determinant
                 .write(&mut total.determinants[k / TOGETHER], lane);
@@ -587,46 +643,122 @@ fn filter_some<L: Lanes>(
         }
     }
     farthest.write(&mut known.farthest, lane);
-    for (from, to) in belief.spread.iter().zip(&mut known.spread) {
-        from.write(to, lane);
+    for i in 0..shape.own() {
+        for j in 0..=i {
+            belief
+                .covariance(i, j)
+                .write(&mut known.spread[at(i, j)], lane);
+        }
     }
-    for (from, to) in belief.gain.iter().zip(&mut known.gain) {
-        from.write(to, lane);
+    let taken = Lane::read(&group.taken, lane);
+    (told.square * taken).write(&mut total.square, lane);
+    let (first, common) = (shape.means(), given.common());
+    for (n, &cause) in prior.causes.iter().enumerate() {
+        let (from, to) = (first + n, still + cause);
+        for i in 0..shape.own() {
+            belief
+                .gain(i, from)
+                .write(&mut known.gain[i * common + to], lane);
+        }
+        (told.vector[from] * taken).write(&mut total.vector[to], lane);
+        for (m, &other) in prior.causes[..=n].iter().enumerate() {
+            let value = told.matrix[at(from, first + m)] * taken;
+            value.write(&mut total.matrix[at(to, still + other)], lane);
+        }
     }
-    for i in 0..own {
+    if let (Tied::Causes, Some(per_spread)) = (shape.tied, &prior.per_spread) {
+        by_means(prior, per_spread, &belief, known, total, lane, taken);
+    } else {
+        for i in 0..still {
+            for k in 0..shape.own() {
+                belief
+                    .gain(k, i)
+                    .write(&mut known.gain[k * common + i], lane);
+            }
+            (told.vector[i] * taken).write(&mut total.vector[i], lane);
+            for j in 0..=i {
+                (told.matrix[at(i, j)] * taken).write(&mut total.matrix[at(i, j)], lane);
+            }
+            for (n, &cause) in prior.causes.iter().enumerate() {
+                let value = told.matrix[at(first + n, i)] * taken;
+                value.write(&mut total.matrix[at(still + cause, i)], lane);
+            }
+        }
+    }
+    for i in 0..shape.own() {
         let mut mean = belief.mean[i];
-        let line = &belief.gain[i * common..(i + 1) * common];
-        for (&g, &b) in line.iter().zip(prior.about) {
-            mean = g.neg_mul_add(Lane::splat(b), mean);
+        for (g, &b) in known.gain[i * common..(i + 1) * common]
+            .iter()
+            .zip(prior.about)
+        {
+            mean = Lane::read(g, lane).neg_mul_add(Lane::splat(b), mean);
         }
         mean.write(&mut known.mean[i], lane);
     }
-    let taken = Lane::read(&group.taken, lane);
-    for (&from, to) in told.matrix.iter().zip(&mut total.matrix) {
-        (from * taken).write(to, lane);
-    }
-    for (&from, to) in told.vector.iter().zip(&mut total.vector) {
-        (from * taken).write(to, lane);
-    }
-    (told.square * taken).write(&mut total.square, lane);
 }
 
+/// What the mean is as a function of the means of the unknowns at rest, and what the records tell of these,
+/// where nothing was added to the unknowns at rest meanwhile. With C their covariance before the records, P
+/// what is left of it, m - m0 what the records moved them by, and G the gain by the causes: the gain by the
+/// means is P C⁻¹, and the normal equations with Hᵀ V⁻¹ H = C⁻¹ - C⁻¹ P C⁻¹, with
+/// Hᵀ V⁻¹ F = -C⁻¹ G, and with C⁻¹ (m - m0) on their right, V the covariance of all records together.
 #[inline(always)]
-fn row_at<L: Lanes>(numbers: &[Eight], which: usize, lane: usize) -> Lane<L> {
-    Lane::read(&numbers[which], lane)
+fn by_means<L: Lanes>(
+    prior: &Prior<'_>,
+    per_spread: &[f64],
+    belief: &Belief<Lane<L>>,
+    known: &mut Beliefs,
+    total: &mut Total,
+    lane: usize,
+    taken: Lane<L>,
+) {
+    let zero = Lane::<L>::splat(0.0);
+    let (still, common) = (prior.shape.still, prior.shape.common());
+    let mut gain = vec![zero; still * still];
+    for i in 0..belief.shape.own() {
+        for j in 0..still {
+            let mut sum = zero;
+            for l in 0..still {
+                sum = belief
+                    .covariance(i, l)
+                    .mul_add(Lane::splat(per_spread[l * still + j]), sum);
+            }
+            sum.write(&mut known.gain[i * common + j], lane);
+            if i < still {
+                gain[i * still + j] = sum;
+            }
+        }
+    }
+    for i in 0..still {
+        let line = &per_spread[i * still..(i + 1) * still];
+        let mut vector = zero;
+        for (l, &c) in line.iter().enumerate() {
+            let moved = belief.mean[l] - Lane::splat(prior.about[l]);
+            vector = moved.mul_add(Lane::splat(c), vector);
+        }
+        (vector * taken).write(&mut total.vector[i], lane);
+        for j in 0..=i {
+            let mut value = Lane::splat(line[j]);
+            for (l, &c) in line.iter().enumerate() {
+                value = gain[l * still + j].neg_mul_add(Lane::splat(c), value);
+            }
+            (value * taken).write(&mut total.matrix[at(i, j)], lane);
+        }
+        for (n, &cause) in prior.causes.iter().enumerate() {
+            let mut value = zero;
+            for (l, &c) in line.iter().enumerate() {
+                value = belief.gain(l, n).neg_mul_add(Lane::splat(c), value);
+            }
+            (value * taken).write(&mut total.matrix[at(still + cause, i)], lane);
+        }
+    }
 }
 
 impl Beliefs {
     /// Of one of the heliostats.
     pub fn belief(&self, shape: Shape, lane: usize) -> Belief<f64> {
         let of = |values: &[Eight]| values.iter().map(|v| v[lane]).collect::<Vec<f64>>();
-        Belief {
-            shape,
-            mean: of(&self.mean),
-            gain: of(&self.gain),
-            spread: of(&self.spread),
-            room: Room::of(shape),
-        }
+        Belief::of_parts(shape, of(&self.mean), &of(&self.gain), &of(&self.spread))
     }
 
     /// Unknowns at rest of one of the heliostats, for what is common \[mrad\].
@@ -739,15 +871,18 @@ pub(super) struct Sample {
     pub shape: Shape,
     pub level: SimdLevel,
     pub groups: Vec<Group>,
-    pub count: usize,
+    /// The heliostats, eight by eight.
+    pub members: Vec<usize>,
     /// About what common unknowns.
     pub about: Vec<f64>,
+    /// See [`Prior`].
+    pub causes: Vec<usize>,
 }
 
 impl Sample {
     /// Goes through all records.
     pub fn filter(&self, hyper: &Hyper) -> (Vec<Beliefs>, Sum) {
-        let prior = Prior::new(self.shape, hyper, &self.about);
+        let prior = Prior::new(self.shape, hyper, &self.about, &self.causes);
         let each: Vec<(Beliefs, Total)> = self
             .groups
             .par_iter()
@@ -791,7 +926,7 @@ impl Sample {
 #[cfg(test)]
 mod tests {
     use super::super::hyper::waited;
-    use super::super::rows::{Expansion, pole};
+    use super::super::rows::{Expansion, Rows, pole};
     use super::super::simulate::{FieldOptions, simulate_field};
     use super::super::terms::{AxisCause, Cause};
     use super::*;
@@ -859,7 +994,7 @@ mod tests {
         group.fill(&structure, heliostats, pole);
         group.linearise(SimdLevel::best(), &structure, &place.shared);
         group.mark(shape, 1, &marks, 10.0);
-        let prior = Prior::new(shape, &hyper, &about);
+        let prior = Prior::new(shape, &hyper, &about, &[0, 1, 2, 3]);
         let mut known = Beliefs::default();
         let total = group.filter(SimdLevel::best(), &prior, &mut known);
         let got = total.sum(shape, &about);
@@ -874,11 +1009,12 @@ mod tests {
             }
             near(
                 "rows",
-                &group.rows_of(shape, lane, campaign).numbers,
+                &group.records_of(shape, lane, rows.len()),
                 &rows.numbers,
             );
             let mut belief = Belief::of_field(shape, &hyper.spread, &rates);
             let mut told = Told::nothing(shape);
+            let mut room = Room::of(shape);
             let mut log_determinant = 0.0;
             for k in 0..rows.len() {
                 let row = rows.row(shape, k);
@@ -886,16 +1022,16 @@ mod tests {
                 belief.wait(kept, added);
                 belief.loosen([row[rest + column::JUMP], row[rest + column::JUMP + 1]]);
                 if row[rest + column::SILENT] == 0.0 {
-                    let surprise = belief.weigh(row, &rates, 0.0, &[]);
-                    belief.believe(&surprise, &mut told);
-                    log_determinant += surprise.log_determinant();
+                    let surprise = belief.weigh(row, &rates, &[], &mut room);
+                    belief.believe(&surprise, &mut room, &mut told);
+                    log_determinant += libm::log(surprise.determinant());
                 }
             }
             want.add(&Sum::new(told, log_determinant));
             let lanes = known.belief(shape, lane);
             near("mean", &lanes.mean, &belief.mean);
-            near("gain", &lanes.gain, &belief.gain);
-            near("spread", &lanes.spread, &belief.spread);
+            near("gain", &lanes.gain_by_rows(), &belief.gain_by_rows());
+            near("spread", &lanes.triangle(), &belief.triangle());
         }
         near("matrix", &got.told.matrix, &want.told.matrix);
         near("vector", &got.told.vector, &want.told.vector);

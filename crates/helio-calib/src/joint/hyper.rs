@@ -161,62 +161,236 @@ pub(super) fn minus_log_likelihood(sample: &Sample, hyper: &Hyper, prior_sigma: 
     Common::new(&sum, prior_sigma).map_or(f64::INFINITY, |common| common.minus_log_likelihood)
 }
 
-/// Widest step of a searched logarithm.
-const FIRST_STEP: f64 = 0.4;
-/// Times that each logarithm is searched.
-const SWEEPS: usize = 6;
+/// Farthest that a searched logarithm moves at once.
+const WIDEST: f64 = 0.8;
+/// Half the distance over which the first curvatures are taken.
+const FIRST_REACH: f64 = 0.1;
+/// Distance over which slopes are taken: the minimum is off by half of it.
+const REACH: f64 = 1e-4;
+/// Times that noise, wander and spread are bettered.
+const ROUNDS: usize = 12;
+/// Search is over where a round gains less than this (logarithm of the likelihood).
+const ENOUGH: f64 = 0.01;
+/// Times that a step which does not gain is halved.
+const HALVED: usize = 4;
 
-/// Makes the likelihood large over noise and wander, one logarithm after the other by parabolas, and over the
-/// heliostats' spread by expectation and maximisation in between.
+type Logarithms = [f64; SEARCHED];
+
+/// What was learnt of the likelihood's shape over noise and wander: the inverse of its second derivatives.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Search {
+    inverse: [Logarithms; SEARCHED],
+}
+
+/// What may be learnt.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Free {
+    pub logarithms: [bool; SEARCHED],
+    /// Of each unknown at rest, whether heliostats differ in it.
+    pub spread: Vec<bool>,
+    /// Whether how heliostats differ is learnt at all.
+    pub pooled: bool,
+}
+
+impl Free {
+    fn searched(&self) -> impl Iterator<Item = usize> {
+        let free = self.logarithms;
+        (0..SEARCHED).filter(move |&k| free[k])
+    }
+}
+
+/// A part of the model that can be left out, to see what it is worth.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Part {
+    /// Noise across the beam, [`Noise::beam_mrad`].
+    BeamNoise,
+    /// Noise on the target, [`Noise::spot_m`].
+    SpotNoise,
+    /// Noise along the sun's path, [`Noise::sun_path_s`].
+    SunPathNoise,
+    /// The slow part of wandering zero points.
+    SlowWander,
+    /// The fast part of wandering zero points.
+    FastWander,
+    /// That heliostats are alike: every one may then be anything.
+    Pooling,
+}
+
+impl Part {
+    /// All of them.
+    pub const ALL: &'static [Self] = &[
+        Self::BeamNoise,
+        Self::SpotNoise,
+        Self::SunPathNoise,
+        Self::SlowWander,
+        Self::FastWander,
+        Self::Pooling,
+    ];
+
+    /// Logarithms that say how large it is, and those that then have no meaning.
+    const fn logarithms(self) -> (&'static [usize], &'static [usize]) {
+        match self {
+            Self::BeamNoise => (&[0], &[]),
+            Self::SpotNoise => (&[1], &[]),
+            Self::SunPathNoise => (&[2], &[]),
+            Self::SlowWander => (&[3, 4], &[5]),
+            Self::FastWander => (&[6, 7], &[8]),
+            Self::Pooling => (&[], &[]),
+        }
+    }
+}
+
+/// Next to nothing, in mrad, m or s: as large as a part that is left out.
+const NOTHING: f64 = 1e-6;
+/// One standard deviation of every angle of a heliostat of which nothing is known \[mrad\].
+const ANYTHING_MRAD: f64 = 100.0;
+
+/// Leaves parts out; what is still to be learnt.
+pub(super) fn without(parts: &[Part], still: usize, hyper: &mut Hyper) -> Free {
+    let mut free = Free {
+        logarithms: [true; SEARCHED],
+        spread: vec![true; still],
+        pooled: true,
+    };
+    let mut logarithms = hyper.logarithms();
+    for part in parts {
+        let (sizes, meaningless) = part.logarithms();
+        for &k in sizes {
+            logarithms[k] = libm::log(NOTHING);
+        }
+        for &k in sizes.iter().chain(meaningless) {
+            free.logarithms[k] = false;
+        }
+        if *part == Part::Pooling {
+            free.pooled = false;
+            for i in 0..ANGLES {
+                for j in 0..=i {
+                    let square = ANYTHING_MRAD * ANYTHING_MRAD;
+                    hyper.spread[at(i, j)] = square * f64::from(u8::from(i == j));
+                }
+            }
+        }
+    }
+    hyper.set_logarithms(&logarithms);
+    free
+}
+
+fn dot(a: &Logarithms, b: &Logarithms) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn plus(a: &Logarithms, by: f64, b: &Logarithms) -> Logarithms {
+    let mut out = *a;
+    for (a, b) in out.iter_mut().zip(b) {
+        *a += by * b;
+    }
+    out
+}
+
+impl Search {
+    /// From curvatures along each logarithm; those that are not free never move.
+    fn of(curvatures: &Logarithms, free: &[bool; SEARCHED]) -> Self {
+        let mut inverse = [[0.0; SEARCHED]; SEARCHED];
+        for (k, curvature) in curvatures.iter().enumerate().filter(|(k, _)| free[*k]) {
+            // no less than what stands against it before anything was seen
+            inverse[k][k] = 1.0 / curvature.max(1.0 / (WIDTH[k] * WIDTH[k]));
+        }
+        Self { inverse }
+    }
+
+    /// Downhill, no farther than [`WIDEST`].
+    fn step(&self, slope: &Logarithms) -> Logarithms {
+        let step = self.inverse.map(|line| -dot(&line, slope));
+        let widest = step.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        step.map(|x| x * (WIDEST / widest).min(1.0))
+    }
+
+    /// After a step, the slope changed by this (Broyden, Fletcher, Goldfarb and Shanno).
+    fn learn(&mut self, step: &Logarithms, change: &Logarithms) {
+        let along = dot(step, change);
+        if along <= 1e-12 {
+            return;
+        }
+        let through = self.inverse.map(|line| dot(&line, change));
+        let scale = (1.0 + dot(change, &through) / along) / along;
+        for i in 0..SEARCHED {
+            for j in 0..SEARCHED {
+                self.inverse[i][j] += scale * step[i] * step[j]
+                    - (through[i] * step[j] + step[i] * through[j]) / along;
+            }
+        }
+    }
+}
+
+/// Makes the likelihood large over noise and wander by quasi-Newton steps, and over the heliostats' spread by
+/// expectation and maximisation in between.
 pub(super) fn learn(
     sample: &Sample,
     hyper: &mut Hyper,
     prior_sigma: &[f64],
     expected_spread: &[f64],
-    spread_free: &[bool],
-) -> f64 {
-    let mut best = f64::INFINITY;
-    let value = |hyper: &Hyper| minus_log_likelihood(sample, hyper, prior_sigma) + hyper.penalty();
-    let mut steps = [FIRST_STEP; SEARCHED];
-    for _ in 0..SWEEPS {
-        for _ in 0..2 {
-            learn_spread(sample, hyper, prior_sigma, expected_spread, spread_free);
+    free: &Free,
+    search: &mut Option<Search>,
+) {
+    let value = |hyper: &Hyper, logarithms: &Logarithms| {
+        let mut there = hyper.clone();
+        there.set_logarithms(logarithms);
+        minus_log_likelihood(sample, &there, prior_sigma) + there.penalty()
+    };
+    let unit = |k: usize, by: f64| {
+        let mut out = [0.0; SEARCHED];
+        out[k] = by;
+        out
+    };
+    let mut before: Option<(f64, Logarithms, Logarithms)> = None;
+    for _ in 0..ROUNDS {
+        for _ in (0..2).filter(|_| free.pooled) {
+            learn_spread(sample, hyper, prior_sigma, expected_spread, &free.spread);
         }
-        best = value(hyper);
-        for k in 0..SEARCHED {
-            let from = hyper.logarithms();
-            let mut look = |by: f64| {
-                let mut logarithms = from;
-                logarithms[k] += by;
-                hyper.set_logarithms(&logarithms);
-                value(hyper)
-            };
-            let step = steps[k];
-            let (below, above) = (look(-step), look(step));
-            let bend = below + above - 2.0 * best;
-            let slope = 0.5 * (above - below);
-            let by = if bend > 0.0 {
-                (-slope / bend).clamp(-2.0, 2.0) * step
-            } else if slope > 0.0 {
-                -2.0 * step
-            } else {
-                2.0 * step
-            };
-            let candidates = [(by, look(by)), (-step, below), (step, above)];
-            let mut chosen = (0.0, best);
-            for candidate in candidates {
-                if candidate.1 < chosen.1 {
-                    chosen = candidate;
+        let from = hyper.logarithms();
+        let here = value(hyper, &from);
+        if !here.is_finite() {
+            return;
+        }
+        let mut slope = [0.0; SEARCHED];
+        let known = match search {
+            Some(known) => {
+                for k in free.searched() {
+                    slope[k] = (value(hyper, &plus(&from, 1.0, &unit(k, REACH))) - here) / REACH;
                 }
+                if let Some((_, last, last_slope)) = &before {
+                    known.learn(&plus(&from, -1.0, last), &plus(&slope, -1.0, last_slope));
+                }
+                known
             }
-            let mut logarithms = from;
-            logarithms[k] += chosen.0;
-            hyper.set_logarithms(&logarithms);
-            best = chosen.1;
-            steps[k] = (step * 0.5).max(chosen.0.abs()).min(FIRST_STEP);
+            None => {
+                let mut curvatures = [0.0; SEARCHED];
+                for k in free.searched() {
+                    let above = value(hyper, &plus(&from, 1.0, &unit(k, FIRST_REACH)));
+                    let below = value(hyper, &plus(&from, -1.0, &unit(k, FIRST_REACH)));
+                    slope[k] = (above - below) / (2.0 * FIRST_REACH);
+                    curvatures[k] = (above + below - 2.0 * here) / (FIRST_REACH * FIRST_REACH);
+                }
+                search.insert(Search::of(&curvatures, &free.logarithms))
+            }
+        };
+        let gained = before.map_or(f64::INFINITY, |(last, ..)| last - here);
+        let step = known.step(&slope);
+        let promised = -0.5 * dot(&step, &slope);
+        if promised < ENOUGH && gained < ENOUGH {
+            return;
         }
+        let mut by = 1.0;
+        for _ in 0..HALVED {
+            let there = plus(&from, by, &step);
+            if value(hyper, &there) < here {
+                hyper.set_logarithms(&there);
+                break;
+            }
+            by *= 0.5;
+        }
+        before = Some((here, from, slope));
     }
-    best
 }
 
 /// Variance of heliostats in what they are not to differ in \[mrad²\]: none, but one that can be divided by.
@@ -242,7 +416,7 @@ fn learn_spread(
     };
     let still = sample.shape.still;
     let total = sample.moments(&known, &common);
-    let count = sample.count as f64;
+    let count = sample.members.len() as f64;
     let turned = turn(still, &total, -1.0);
     let scale: Vec<f64> = (0..still)
         .map(|i| {

@@ -3,9 +3,8 @@
 //! Several accounts of a heliostat's records are carried side by side: that a record tells the truth, that
 //! its spot was found in a wrong place, that a zero point jumped just before it. The records to come decide.
 
-use super::belief::{Belief, Rates, Shape, Surprise, Told, column};
-use super::hyper::{Hyper, Marks, waited};
-use super::rows::Rows;
+use super::belief::{Belief, REFERENCES, Rates, Room, Told};
+use super::hyper::Marks;
 
 /// How often things go wrong.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,11 +32,11 @@ impl Default for Mishaps {
 
 /// A record nearer than this to what was expected (chi-squared, two degrees of freedom: 5 % lie beyond) is
 /// taken as it is.
-pub(super) const DOUBTFUL: f64 = 6.0;
+const DOUBTFUL: f64 = 6.0;
 /// Variance of what was expected, of that of spots in wrong places, above which a record may be one however near it lies.
 const VAGUE: f64 = 0.02;
 /// Accounts carried on at most.
-const MOST: usize = 8;
+pub(super) const MOST: usize = 8;
 /// An account less likely than the best by this (logarithm) is given up.
 const GIVEN_UP: f64 = 12.0;
 
@@ -63,104 +62,165 @@ impl Account {
     }
 }
 
-fn log_density(surprise: &Surprise<f64>) -> f64 {
-    -0.5 * (surprise.square + surprise.log_determinant())
+/// What may have become of a record.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    Truth,
+    /// Of the first (0) or second (1) axis.
+    Jump(usize),
+    Outlier,
 }
 
-/// Decides about every record of a heliostat, in time, the common unknowns taken as known.
-pub(super) fn judge(
-    shape: Shape,
-    rows: &Rows,
-    hyper: &Hyper,
-    (common, common_covariance): (&[f64], &[f64]),
-    mishaps: &Mishaps,
-) -> Marks {
-    let rates = hyper.rates();
-    let alone = Shape {
-        tied: false,
-        ..shape
-    };
-    let mut belief = Belief::of_field(alone, &hyper.spread, &rates);
-    belief.mean[..shape.still].copy_from_slice(&common[..shape.still]);
-    for i in 0..shape.still {
-        for j in 0..=i {
-            belief.spread[super::belief::at(i, j)] += common_covariance[i * common.len() + j];
+/// An account and what became of the record under it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Candidate {
+    pub parent: usize,
+    pub kind: Kind,
+    pub log_likelihood: f64,
+}
+
+/// A record held against an account.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Held {
+    /// S: first, mixed, second \[mrad²\].
+    pub covariance: [f64; 3],
+    /// What is left \[mrad\].
+    pub left: [f64; 2],
+}
+
+impl Held {
+    /// Twice the logarithm of the density, but for what all have in common.
+    fn log_density(&self) -> f64 {
+        let [a, b, c] = self.covariance;
+        let [x, y] = self.left;
+        let determinant = a * c - b * b;
+        -0.5 * ((x * x * c - 2.0 * x * y * b + y * y * a) / determinant + libm::log(determinant))
+    }
+
+    /// Where a change of variance `variance` may have come by `slope`.
+    fn loosened(&self, slope: [f64; 2], variance: f64) -> Self {
+        let [a, b, c] = self.covariance;
+        let covariance = [
+            a + variance * slope[0] * slope[0],
+            b + variance * slope[0] * slope[1],
+            c + variance * slope[1] * slope[1],
+        ];
+        Self {
+            covariance,
+            ..*self
         }
     }
-    let mut accounts = vec![Account::new(belief)];
-    let rest = shape.row() - column::REST;
-    let mut row = vec![0.0; shape.row()];
-    for k in 0..rows.len() {
-        row.copy_from_slice(rows.row(shape, k));
-        for cause in 0..shape.causes {
-            let value = common[shape.still + cause];
-            for i in 0..2 {
-                row[rest + column::SEEN + i] -= row[2 * shape.still + 2 * cause + i] * value;
+}
+
+impl Mishaps {
+    /// Whether a record is to be doubted: chi-squared of what is left, and the determinant of S. Where so little
+    /// is known that a spot in a wrong place would not stand out, it may be one however near it lies.
+    pub(super) fn doubts(&self, square: f64, determinant: f64) -> bool {
+        let vague = VAGUE * self.outlier_mrad * self.outlier_mrad;
+        square > DOUBTFUL || determinant > vague * vague
+    }
+
+    /// What may have become of a record under one account; `slopes` are those of the references.
+    pub(super) fn accounts(
+        &self,
+        (parent, log_likelihood): (usize, f64),
+        (held, square): (&Held, f64),
+        slopes: [[f64; 2]; 2],
+        out: &mut Vec<Candidate>,
+    ) {
+        let mut put = |kind: Kind, prior: f64, held: &Held| {
+            out.push(Candidate {
+                parent,
+                kind,
+                log_likelihood: log_likelihood + libm::log(prior) + held.log_density(),
+            });
+        };
+        let [a, b, c] = held.covariance;
+        if self.doubts(square, a * c - b * b) {
+            if square > DOUBTFUL {
+                for (axis, slope) in slopes.into_iter().enumerate() {
+                    let jumped = held.loosened(slope, self.jump_mrad * self.jump_mrad);
+                    put(Kind::Jump(axis), 0.5 * self.jump, &jumped);
+                }
             }
+            let scatter = self.outlier_mrad * self.outlier_mrad;
+            let anywhere = Held {
+                covariance: [a + scatter, b, c + scatter],
+                left: held.left,
+            };
+            put(Kind::Outlier, self.outlier, &anywhere);
         }
-        let (kept, added) = waited(&rates, row[rest + column::DAYS]);
-        for account in &mut accounts {
-            account.belief.wait(kept, added);
-        }
-        if row[rest + column::SILENT] == 0.0 {
-            accounts = told_by(accounts, k, &row, &rates, mishaps, &[]);
-        }
+        put(Kind::Truth, 1.0 - self.outlier - self.jump, held);
     }
-    accounts
-        .into_iter()
-        .next()
-        .map(|best| best.marks)
-        .unwrap_or_default()
 }
 
-/// The accounts after record number `k`, likeliest first. Where beliefs are tied to what is common, that is
-/// taken as `common` to judge by.
+/// Those that are carried on, likeliest first, with their likelihood against it.
+pub(super) fn chosen(candidates: &mut Vec<Candidate>) {
+    candidates.sort_by(|a, b| b.log_likelihood.total_cmp(&a.log_likelihood));
+    let best = candidates.first().map_or(0.0, |c| c.log_likelihood);
+    candidates.retain(|c| c.log_likelihood > best - GIVEN_UP);
+    candidates.truncate(MOST);
+    for candidate in candidates {
+        candidate.log_likelihood -= best;
+    }
+}
+
+/// The accounts after record number `k`, likeliest first; what is common is taken as `common` to judge by.
 pub(super) fn told_by(
-    accounts: Vec<Account>,
+    mut accounts: Vec<Account>,
     k: usize,
     row: &[f64],
     rates: &Rates,
     mishaps: &Mishaps,
     common: &[f64],
 ) -> Vec<Account> {
-    let truth = libm::log(1.0 - mishaps.outlier - mishaps.jump);
-    let scatter = mishaps.outlier_mrad * mishaps.outlier_mrad;
-    let mut after: Vec<Account> = Vec::with_capacity(accounts.len() * 4);
-    for mut account in accounts {
-        let as_it_is = account.belief.weigh(row, rates, 0.0, common);
-        let unexpected = as_it_is.square > DOUBTFUL;
-        // Where so little is known that a spot in a wrong place would not stand out, it may be one all the same.
-        let vague = 0.5 * as_it_is.log_determinant() > libm::log(VAGUE * scatter);
-        if unexpected || vague {
-            for axis in (0..2).filter(|_| unexpected) {
-                let mut jumped = account.clone();
+    let slopes = REFERENCES.map(|i| [row[2 * i], row[2 * i + 1]]);
+    let mut candidates = Vec::new();
+    let mut surprises = Vec::with_capacity(accounts.len());
+    for (parent, account) in accounts.iter_mut().enumerate() {
+        let mut room = Room::of(account.belief.shape);
+        let surprise = account.belief.weigh(row, rates, common, &mut room);
+        let (covariance, left) = surprise.plain();
+        let held = Held { covariance, left };
+        let of = (parent, account.log_likelihood);
+        mishaps.accounts(of, (&held, surprise.square()), slopes, &mut candidates);
+        surprises.push((surprise, room));
+    }
+    chosen(&mut candidates);
+    let mut accounts: Vec<Option<Account>> = accounts.into_iter().map(Some).collect();
+    let mut after: Vec<Account> = Vec::with_capacity(candidates.len());
+    for (n, candidate) in candidates.iter().enumerate() {
+        let &Candidate {
+            parent,
+            kind,
+            log_likelihood,
+        } = candidate;
+        let again = candidates[n + 1..].iter().any(|c| c.parent == parent);
+        let account = if again {
+            accounts[parent].clone()
+        } else {
+            accounts[parent].take()
+        };
+        let Some(mut account) = account else { continue };
+        account.log_likelihood = log_likelihood;
+        match kind {
+            Kind::Truth => {
+                let (surprise, room) = &mut surprises[parent];
+                account.belief.believe(surprise, room, &mut account.told);
+            }
+            Kind::Outlier => account.marks.outliers.push(k),
+            Kind::Jump(axis) => {
                 let mut variances = [0.0; 2];
                 variances[axis] = mishaps.jump_mrad * mishaps.jump_mrad;
-                jumped.belief.loosen(variances);
-                let surprise = jumped.belief.weigh(row, rates, 0.0, common);
-                jumped.log_likelihood += libm::log(0.5 * mishaps.jump) + log_density(&surprise);
-                jumped.belief.believe(&surprise, &mut jumped.told);
-                jumped.marks.jumps.push((k, axis));
-                after.push(jumped);
+                account.belief.loosen(variances);
+                let mut room = Room::of(account.belief.shape);
+                let surprise = account.belief.weigh(row, rates, common, &mut room);
+                let told = &mut account.told;
+                account.belief.believe(&surprise, &mut room, told);
+                account.marks.jumps.push((k, axis));
             }
-            let mut wrong = account.clone();
-            let surprise = wrong.belief.weigh(row, rates, scatter, common);
-            wrong.log_likelihood += libm::log(mishaps.outlier) + log_density(&surprise);
-            wrong.marks.outliers.push(k);
-            after.push(wrong);
-            // weighed anew: the room of the belief holds the last record weighed
-            account.belief.weigh(row, rates, 0.0, common);
         }
-        account.log_likelihood += truth + log_density(&as_it_is);
-        account.belief.believe(&as_it_is, &mut account.told);
         after.push(account);
-    }
-    after.sort_by(|a, b| b.log_likelihood.total_cmp(&a.log_likelihood));
-    let best = after.first().map_or(0.0, |a| a.log_likelihood);
-    after.retain(|a| a.log_likelihood > best - GIVEN_UP);
-    after.truncate(MOST);
-    for account in &mut after {
-        account.log_likelihood -= best;
     }
     after
 }

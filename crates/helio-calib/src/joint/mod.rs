@@ -18,6 +18,8 @@ mod foretell;
 mod group;
 mod hyper;
 mod hypotheses;
+mod judge;
+mod leftovers;
 mod parts;
 mod rows;
 pub mod simulate;
@@ -38,12 +40,13 @@ use foretell::shared_values;
 pub use foretell::{Foretold, History};
 use group::{Beliefs, Group, Prior, Sample, Total};
 use hyper::{
-    EXPECTED_NOISE, EXPECTED_SPREAD_MRAD, EXPECTED_WANDER, HELD_VARIANCE, Hyper, Marks,
-    expected_covariance, learn, minus_log_likelihood,
+    EXPECTED_NOISE, EXPECTED_SPREAD_MRAD, EXPECTED_WANDER, Free, HELD_VARIANCE, Hyper, Marks,
+    Search, expected_covariance, learn, minus_log_likelihood, without,
 };
-pub use hyper::{Noise, Wander};
+pub use hyper::{Noise, Part, Wander};
 pub use hypotheses::Mishaps;
-use hypotheses::judge;
+use judge::Judge;
+pub use leftovers::{Leftover, LeftoverOptions, LeftoverParts, Leftovers};
 pub use parts::{AccountParts, HeliostatParts, StateParts};
 use rows::{ANGLES, DAY_NS, MILLI, Structure, filter_unit, in_time, pole};
 pub use terms::{AxisCause, Cause, Description, Scope};
@@ -63,6 +66,8 @@ pub struct JointOptions {
     pub least_log_evidence: f64,
     /// How often things go wrong.
     pub mishaps: Mishaps,
+    /// Parts of the model that are left out.
+    pub left_out: Vec<Part>,
     /// Noise and wander are learnt from at most so many heliostats, evenly chosen.
     pub learnt_from: usize,
     /// Times that the formula is made linear anew.
@@ -80,6 +85,7 @@ impl JointOptions {
             sun_time: true,
             least_log_evidence: 5.0,
             mishaps: Mishaps::default(),
+            left_out: Vec::new(),
             learnt_from: 128,
             expansions: 3,
         }
@@ -155,6 +161,9 @@ const EXPECTED_MEAN_MRAD: [f64; ANGLES] = [20.0, 20.0, 20.0, 5.0, 20.0, 20.0];
 const BEGIN_WITH_FIT: usize = 6;
 /// Farthest beginning that is taken from a heliostat's own fit \[rad\].
 const BEGIN_WITHIN_RAD: f64 = 0.5;
+/// What was decided about a heliostat's records holds if the place where the formula is made linear then moves by
+/// no more \[rad\].
+const DECIDED_WITHIN_RAD: f64 = 3e-3;
 /// A record farther than this from what was expected (chi-squared, two degrees of freedom) has the
 /// heliostat's records judged.
 const JUDGED: f64 = 16.0;
@@ -169,8 +178,9 @@ struct Work<'a> {
     pole: helio_core::Enu,
     prior_sigma: Vec<f64>,
     expected_spread: Vec<f64>,
-    spread_free: Vec<bool>,
+    free: Free,
     hyper: Hyper,
+    search: Option<Search>,
     common: Common,
     told: Sum,
     /// How much likelier the records are with each common unknown that is a cause, as last looked at.
@@ -211,25 +221,36 @@ fn fit_at(
 ) -> Result<JointFit, CalibrationError> {
     let mut work = Work::new(campaigns, options, level)?;
     let mut places = work.beginnings();
+    let mut decided = Decided::new();
+    let expansions = options.expansions.max(1);
+    // where noise and wander are learnt from some heliostats, the first expansion is theirs alone
+    let some = campaigns.len() > options.learnt_from && expansions > 1;
     let mut pass = 0;
     loop {
-        let (sample, decided) = work.sample(&places, pass == 0);
+        let sample = work.sample(&places, pass == 0, &mut decided);
         work.learn(&sample);
         if pass == 0 {
             work.meet(&sample);
         } else {
             work.admit_own(&sample);
         }
-        let (known, marks) = work.believe(&places, decided);
-        if pass > 0 {
+        pass += 1;
+        if pass == 1 && some {
+            let known = sample.filter(&work.hyper).0;
+            work.move_on(&mut places, &known, &sample.members, &mut decided);
+            continue;
+        }
+        let known = work.believe(&places, &mut decided);
+        if pass > 1 || expansions == 1 {
             work.admit();
         }
-        pass += 1;
-        if pass >= options.expansions.max(1) {
+        if pass == expansions {
             let likelihood = minus_log_likelihood(&sample, &work.hyper, &work.prior_sigma);
-            return Ok(work.finish(known, marks, likelihood));
+            return Ok(work.finish(known, decided, likelihood));
         }
-        places = work.places(&known);
+        let order = core::mem::take(&mut work.order);
+        work.move_on(&mut places, &known, &order, &mut decided);
+        work.order = order;
     }
 }
 
@@ -288,11 +309,12 @@ impl<'a> Work<'a> {
         );
         let mut expected_spread = EXPECTED_SPREAD_MRAD.to_vec();
         expected_spread.extend(of_own(|d| d.expected_spread));
-        let hyper = Hyper {
+        let mut hyper = Hyper {
             noise: EXPECTED_NOISE,
             wander: EXPECTED_WANDER,
             spread: expected_covariance(&expected_spread),
         };
+        let free = without(&options.left_out, shape.still, &mut hyper);
         let n = prior_sigma.len();
         let mut covariance = vec![0.0; n * n];
         for k in 0..n {
@@ -310,13 +332,14 @@ impl<'a> Work<'a> {
             options,
             level,
             order,
-            spread_free: vec![true; shape.still],
+            free,
             structure,
             shape,
             pole: pole(latitude),
             prior_sigma,
             expected_spread,
             hyper,
+            search: None,
             common,
             told: Sum::nothing(shape),
             log_evidence: vec![0.0; n],
@@ -363,24 +386,30 @@ impl<'a> Work<'a> {
 
     /// Outliers and jumps of a heliostat, written into its records.
     fn judge(&self, group: &mut Group, lane: usize, k: usize) -> Marks {
-        let rows = group.rows_of(self.shape, lane, &self.campaigns[k]);
-        let common = (&self.common.mean[..], &self.common.covariance[..]);
         let mishaps = &self.options.mishaps;
-        let marks = judge(self.shape, &rows, &self.hyper, common, mishaps);
+        let judge = Judge {
+            shape: self.shape,
+            hyper: &self.hyper,
+            common: (&self.common.mean, &self.common.covariance),
+            mishaps,
+        };
+        let count = self.campaigns[k].observations.len();
+        let marks = judge.marks(self.level, &group.records_of(self.shape, lane, count));
         group.mark(self.shape, lane, &marks, mishaps.jump_mrad);
         marks
     }
 
     /// Heliostats that noise and wander are learnt from, evenly spaced among those with records, and what was
     /// decided about the records of each: of all where `all`, else where one lies far from what was expected.
-    fn sample(&self, places: &Places, all: bool) -> (Sample, Decided) {
+    fn sample(&self, places: &Places, all: bool, decided: &mut Decided) -> Sample {
         let with: Vec<usize> = (0..self.campaigns.len())
             .filter(|&k| self.campaigns[k].observations.len() > 1)
             .collect();
         let count = with.len().min(self.options.learnt_from.max(1));
         let mut chosen: Vec<usize> = (0..count).map(|k| with[k * with.len() / count]).collect();
         alike(self.campaigns, &mut chosen);
-        let prior = Prior::new(self.shape, &self.hyper, &self.common.mean);
+        let causes = self.causes();
+        let prior = Prior::new(self.shape, &self.hyper, &self.common.mean, &causes);
         let each: Vec<(Group, Decided)> = chosen
             .par_chunks(BLOCK)
             .map(|members| {
@@ -402,20 +431,19 @@ impl<'a> Work<'a> {
                 (group, decided)
             })
             .collect();
-        let mut decided = Decided::new();
         let mut groups = Vec::with_capacity(each.len());
         for (group, of_group) in each {
             decided.extend(of_group);
             groups.push(group);
         }
-        let sample = Sample {
+        Sample {
             shape: self.shape,
             level: self.level,
             groups,
-            count,
+            members: chosen,
             about: self.common.mean.clone(),
-        };
-        (sample, decided)
+            causes: self.causes(),
+        }
     }
 
     fn learn(&mut self, sample: &Sample) {
@@ -424,7 +452,8 @@ impl<'a> Work<'a> {
             &mut self.hyper,
             &self.prior_sigma,
             &self.expected_spread,
-            &self.spread_free,
+            &self.free,
+            &mut self.search,
         );
     }
 
@@ -438,9 +467,10 @@ impl<'a> Work<'a> {
 
     /// What is known of all heliostats, eight by eight in the order of `order`, and what is common. Records
     /// about which nothing was decided yet are judged where one lies far from what was expected.
-    fn believe(&mut self, places: &Places, mut decided: Decided) -> (Vec<Beliefs>, Decided) {
-        let prior = Prior::new(self.shape, &self.hyper, &self.common.mean);
-        let work = &*self;
+    fn believe(&mut self, places: &Places, decided: &mut Decided) -> Vec<Beliefs> {
+        let causes = self.causes();
+        let prior = Prior::new(self.shape, &self.hyper, &self.common.mean, &causes);
+        let (work, before) = (&*self, &*decided);
         let each: Vec<(Vec<Beliefs>, Decided, Total)> = self
             .order
             .par_chunks(CHUNK * BLOCK)
@@ -452,7 +482,7 @@ impl<'a> Work<'a> {
                     .map(|members| {
                         work.linearise(group, members, places);
                         for (lane, k) in members.iter().enumerate() {
-                            if let Some(marks) = decided.get(k) {
+                            if let Some(marks) = before.get(k) {
                                 group.mark(work.shape, lane, marks, work.options.mishaps.jump_mrad);
                             }
                         }
@@ -460,7 +490,7 @@ impl<'a> Work<'a> {
                         let mut of_group = group.filter(work.level, &prior, &mut known);
                         let mut again = false;
                         for (lane, k) in members.iter().enumerate() {
-                            if known.farthest[lane] > JUDGED && !decided.contains_key(k) {
+                            if known.farthest[lane] > JUDGED && !before.contains_key(k) {
                                 found.insert(*k, work.judge(group, lane, *k));
                                 again = true;
                             }
@@ -484,7 +514,7 @@ impl<'a> Work<'a> {
         }
         self.told = total.sum(self.shape, &self.common.mean);
         self.meet_all();
-        (known, decided)
+        known
     }
 
     fn meet_all(&mut self) {
@@ -528,7 +558,7 @@ impl<'a> Work<'a> {
             if evidence < self.options.least_log_evidence {
                 self.hyper = hyper;
                 self.prior_sigma = prior_sigma;
-                self.spread_free[k] = false;
+                self.free.spread[k] = false;
             }
         }
     }
@@ -561,26 +591,40 @@ impl<'a> Work<'a> {
         }
     }
 
+    /// Causes in common that are not held to zero.
+    fn causes(&self) -> Vec<usize> {
+        let free = |cause: &usize| self.is_free(self.shape.still + cause);
+        (0..self.shape.causes).filter(free).collect()
+    }
+
     fn is_free(&self, k: usize) -> bool {
         self.prior_sigma[k] > 1e-6
     }
 
-    /// Where the formula is made linear next.
-    fn places(&self, known: &[Beliefs]) -> Places {
+    /// Where the formula is made linear next for some heliostats, eight by eight.
+    fn move_on(
+        &self,
+        places: &mut Places,
+        known: &[Beliefs],
+        heliostats: &[usize],
+        decided: &mut Decided,
+    ) {
         let still = self.shape.still;
-        let mut places = Places {
-            still: vec![0.0; self.campaigns.len() * still],
-            shared: shared_values(&self.structure, &self.common),
-        };
-        for (known, members) in known.iter().zip(self.order.chunks(BLOCK)) {
+        places.shared = shared_values(&self.structure, &self.common);
+        for (known, members) in known.iter().zip(heliostats.chunks(BLOCK)) {
             for (lane, &k) in members.iter().enumerate() {
                 let values = known.still(self.shape, lane, &self.common.mean);
+                let mut farthest: f64 = 0.0;
                 for (to, value) in places.still[k * still..].iter_mut().zip(values) {
-                    *to = value / MILLI;
+                    let value = value / MILLI;
+                    farthest = farthest.max((value - *to).abs());
+                    *to = value;
+                }
+                if farthest > DECIDED_WITHIN_RAD {
+                    decided.remove(&k);
                 }
             }
         }
-        places
     }
 
     fn finish(self, known: Vec<Beliefs>, mut marks: Decided, likelihood: f64) -> JointFit {

@@ -241,8 +241,8 @@ impl AccountParts {
         Self {
             log_likelihood: account.log_likelihood,
             mean: belief.mean.clone(),
-            gain: belief.gain.clone(),
-            spread: belief.spread.clone(),
+            gain: belief.gain_by_rows(),
+            spread: belief.triangle(),
             matrix,
             vector,
             square: account.told.square,
@@ -257,10 +257,7 @@ impl AccountParts {
         check("mean", &self.mean, own)?;
         check("gain", &self.gain, own * common)?;
         check("spread", &self.spread, Shape::triangle(own))?;
-        let mut belief = empty.clone();
-        belief.mean = self.mean;
-        belief.gain = self.gain;
-        belief.spread = self.spread;
+        let belief = Belief::of_parts(shape, self.mean, &self.gain, &self.spread);
         let mut account = Account::new(belief);
         account.log_likelihood = self.log_likelihood;
         if !(self.matrix.is_empty() && self.vector.is_empty()) {

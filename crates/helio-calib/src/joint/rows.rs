@@ -4,7 +4,7 @@ use core::f64::consts::TAU;
 
 use helio_core::{Enu, EnuUnit};
 
-use super::belief::{Number, REFERENCES, Shape, column};
+use super::belief::{Number, REFERENCES, Shape, Tied, column};
 use super::hyper::Marks;
 use super::terms::{AxisCause, Cause, LoadedPose};
 use crate::field::Campaign;
@@ -35,7 +35,7 @@ impl Structure {
         Shape {
             still: ANGLES + self.own.len(),
             causes: self.shared.len(),
-            tied: true,
+            tied: Tied::All,
         }
     }
 }
