@@ -54,6 +54,14 @@ pub const PROTOCOLS: &[Protocol] = &[
     Protocol::FollowedByRecord,
 ];
 
+/// Those in which parts of the model are left out.
+pub const PARTS: &[Protocol] = &[
+    Protocol::First(12),
+    Protocol::Spread12,
+    Protocol::Half,
+    Protocol::DayAhead,
+];
+
 impl Protocol {
     /// The words of the table.
     #[must_use]

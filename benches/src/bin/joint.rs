@@ -209,7 +209,7 @@ fn answers(fit: &JointFit) -> String {
             posterior
                 .jumps
                 .iter()
-                .map(|(k, a)| 2 * k + a + 1)
+                .map(|(k, jump)| 2 * k + jump.axis + 1)
                 .sum::<usize>() as f64,
         );
     }

@@ -7,7 +7,7 @@ use crate::fit::{Fit, FitOptions, check};
 use crate::measures::{angle_rad, beam};
 use crate::model::{Pose, landing};
 use crate::observation::{Mount, Observation, Sighting};
-use crate::parameters::{COUNT, Parameter};
+use crate::parameters::{COUNT, Parameter, Parameters};
 use crate::residual::Spots;
 use crate::solver::{LeastSquares, RANK_TOLERANCE, System};
 
@@ -388,36 +388,45 @@ impl Uncertainty {
         Some((value - half, value + half))
     }
 
-    /// Standard errors of the pedestal's tilt and of its azimuth \[rad\], theory §6:
-    /// sd(psi_t) = sqrt(uᵀCu) with u along the tilt, sd(psi_a) = sqrt(wᵀCw)/psi_t with w across it. The azimuth
-    /// of a tilt within five standard errors of zero is not known.
+    /// [`tilt_standard_error`] of a fit.
     #[must_use]
     pub fn tilt_standard_error(&self, fit: &Fit) -> (f64, Option<f64>) {
-        let [a, b] = [Parameter::Tilt1, Parameter::Tilt2];
-        let (x, y) = (fit.parameters.get(a), fit.parameters.get(b));
-        let tilt = libm::hypot(x, y);
-        let (cosine, sine) = if tilt > 0.0 {
-            (x / tilt, y / tilt)
-        } else {
-            (1.0, 0.0)
-        };
-        let (a, b) = (a as usize, b as usize);
-        let deviation = |u: f64, w: f64| {
-            let c = &self.covariance;
-            let both = u * w;
-            let mixed = if both == 0.0 {
-                0.0
-            } else {
-                both * (c[a][b] + c[b][a])
-            };
-            let term = |part: f64, c: f64| if part == 0.0 { 0.0 } else { part * part * c };
-            libm::sqrt((term(u, c[a][a]) + term(w, c[b][b]) + mixed).max(0.0))
-        };
-        let along = deviation(cosine, sine);
-        let across = deviation(-sine, cosine);
-        let known = tilt > TILT_SIGMAS * along.max(across);
-        (along, known.then(|| across / tilt))
+        tilt_standard_error(&fit.parameters, &self.covariance)
     }
+}
+
+/// Standard errors of the pedestal's tilt and of its azimuth \[rad\] from a covariance in the order of
+/// [`Parameter::ALL`], theory §6: sd(psi_t) = sqrt(uᵀCu) with u along the tilt, sd(psi_a) = sqrt(wᵀCw)/psi_t with
+/// w across it. The azimuth of a tilt within five standard errors of zero is not known.
+#[must_use]
+pub fn tilt_standard_error(
+    parameters: &Parameters,
+    covariance: &[[f64; COUNT]; COUNT],
+) -> (f64, Option<f64>) {
+    let [a, b] = [Parameter::Tilt1, Parameter::Tilt2];
+    let (x, y) = (parameters.get(a), parameters.get(b));
+    let tilt = libm::hypot(x, y);
+    let (cosine, sine) = if tilt > 0.0 {
+        (x / tilt, y / tilt)
+    } else {
+        (1.0, 0.0)
+    };
+    let (a, b) = (a as usize, b as usize);
+    let deviation = |u: f64, w: f64| {
+        let c = covariance;
+        let both = u * w;
+        let mixed = if both == 0.0 {
+            0.0
+        } else {
+            both * (c[a][b] + c[b][a])
+        };
+        let term = |part: f64, c: f64| if part == 0.0 { 0.0 } else { part * part * c };
+        libm::sqrt((term(u, c[a][a]) + term(w, c[b][b]) + mixed).max(0.0))
+    };
+    let along = deviation(cosine, sine);
+    let across = deviation(-sine, cosine);
+    let known = tilt > TILT_SIGMAS * along.max(across);
+    (along, known.then(|| across / tilt))
 }
 
 /// 97.5 % quantile of Student's t: the half width of a 95 % interval in standard errors.

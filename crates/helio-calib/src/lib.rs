@@ -20,7 +20,7 @@ pub mod simulate;
 mod solver;
 mod start;
 
-pub use covariance::{Uncertainty, student_t95, uncertainty};
+pub use covariance::{Uncertainty, student_t95, tilt_standard_error, uncertainty};
 pub use diagnosis::{
     CalibrateOptions, Calibration, Context, Epoch, Finding, Reason, Rejected, Verdict, Weakness,
     WrongCall, calibrate,

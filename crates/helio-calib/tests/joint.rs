@@ -8,7 +8,7 @@ use std::f64::consts::FRAC_PI_2;
 use helio_calib::joint::simulate::{
     FieldCauses, FieldOptions, SimulatedField, simulate_field, uncorrelated,
 };
-use helio_calib::joint::{AxisCause, Cause, JointFit, JointOptions, fit_joint};
+use helio_calib::joint::{AxisCause, Cause, JointFit, JointOptions, JumpSeen, fit_joint};
 use helio_calib::simulate::Aiming;
 use helio_core::{PoseErrors, TrackingMode};
 
@@ -380,14 +380,20 @@ fn with_mishaps(jump_days: f64) -> (Mishaps, NextDay, Vec<[f64; 2]>) {
                 count.outliers[1] += usize::from(truth.outlier && said);
                 count.outliers[2] += usize::from(said && !truth.outlier);
                 let Some(axis) = truth.jump else { continue };
-                let near = |&(at, of): &(usize, usize)| of == axis && at.abs_diff(record) <= 2;
+                let near =
+                    |(at, of): &(usize, JumpSeen)| of.axis == axis && at.abs_diff(record) <= 2;
                 count.jumps[0] += 1;
-                count.jumps[1] += usize::from(found.jumps.contains(&(record, axis)));
+                count.jumps[1] += usize::from(
+                    found
+                        .jumps
+                        .iter()
+                        .any(|j| j.0 == record && j.1.axis == axis),
+                );
                 count.jumps[2] += usize::from(found.jumps.iter().any(near));
             }
-            let unfounded = |&(at, axis): &(usize, usize)| {
+            let unfounded = |(at, found): &(usize, JumpSeen)| {
                 let around = at.saturating_sub(2)..(at + 3).min(truth.len());
-                !truth[around].iter().any(|t| t.jump == Some(axis))
+                !truth[around].iter().any(|t| t.jump == Some(found.axis))
             };
             count.jumps[3] += found.jumps.iter().filter(|j| unfounded(j)).count();
         }

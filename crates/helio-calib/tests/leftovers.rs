@@ -8,8 +8,8 @@ use std::f64::consts::{PI, TAU};
 use helio_calib::aiming::encoder_angles_rad;
 use helio_calib::joint::simulate::{FieldOptions, SimulatedField, simulate_field};
 use helio_calib::joint::{
-    AxisCause, Cause, FieldState, JointFit, JointOptions, Known, Leftover, LeftoverOptions,
-    LeftoverParts, Leftovers, fit_joint,
+    AxisCause, Cause, CommonCause, FieldState, JointFit, JointOptions, Known, Leftover,
+    LeftoverOptions, LeftoverParts, Leftovers, fit_joint,
 };
 use helio_calib::random::Random;
 use helio_calib::{CalibrationError, Campaign, Observation, Parameters};
@@ -106,7 +106,7 @@ fn rms(values: &[f64]) -> f64 {
 fn pose_errors(state: &FieldState, known: &Known) -> PoseErrors {
     let mut errors = PoseErrors::NONE;
     let mut own = 6;
-    for (cause, value, _) in state.causes() {
+    for CommonCause { cause, value, .. } in state.causes() {
         match cause {
             Cause::Axis(AxisCause::Axis1Sag) => errors.axis1_sag_rad = value,
             Cause::Axis(AxisCause::Axis2Sag) => errors.axis2_sag_rad = value,

@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 use std::sync::LazyLock;
 
-use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
+use clap::parser::ValueSource;
+use clap::{Args as ClapArgs, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use helio_core::offset::MAX_ITERATIONS;
 use helio_core::{OffsetForm, SimdLevel};
 use helio_io::output::Format;
@@ -29,6 +30,21 @@ pub(crate) const NO_SHADING: &str = "Shading and blocking are not computed.";
 pub(crate) struct Args {
     #[command(subcommand)]
     pub(crate) verb: Verb,
+}
+
+impl Args {
+    /// What was typed; ends the program where that is nothing to go on.
+    pub(crate) fn typed() -> Self {
+        let matches = Self::command().get_matches();
+        let mut args = Self::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+        if let Verb::Calibrate(calibrate) = &mut args.verb
+            && let Some(matches) = matches.subcommand_matches("calibrate")
+        {
+            let typed = |id: &&str| matches.value_source(id) == Some(ValueSource::CommandLine);
+            calibrate.typed = OF_ONE_BY_ONE.into_iter().filter(typed).collect();
+        }
+        args
+    }
 }
 
 /// Name, version, kind of build and what the processor offers.
@@ -270,39 +286,13 @@ pub(crate) struct CalibrateArgs {
     pub(crate) resume: bool,
     #[command(flatten)]
     pub(crate) out: OutArgs,
+    /// Which of [`OF_ONE_BY_ONE`] were typed.
+    #[arg(skip)]
+    pub(crate) typed: Vec<&'static str>,
 }
 
-/// The field as one.
-#[derive(Debug, ClapArgs)]
-pub(crate) struct JointArgs {
-    /// Fit the field as one: what heliostats share, how they differ, how their zero points move; a row
-    /// for every heliostat of the layout
-    #[arg(long, group = "as_one", conflicts_with_all = ONE_BY_ONE)]
-    pub(crate) joint: bool,
-    /// Take new observations into a state that --state wrote; a row for every heliostat
-    #[arg(long, value_name = "STATE", group = "as_one", conflicts_with_all = ONE_BY_ONE)]
-    pub(crate) update: Option<PathBuf>,
-    /// File for the state, from which --update goes on [default with --update: the same file]
-    #[arg(long, value_name = "STATE", requires = "as_one")]
-    pub(crate) state: Option<PathBuf>,
-    /// File for what the field has in common: sags, shifts of targets, time of the sun
-    #[arg(
-        long,
-        value_name = "FILE",
-        requires = "joint",
-        conflicts_with = "update"
-    )]
-    pub(crate) causes: Option<PathBuf>,
-    /// File with a row for each record: how its spot was foretold, and what became of it
-    #[arg(long, value_name = "FILE", requires = "as_one")]
-    pub(crate) steps: Option<PathBuf>,
-    /// Days after the last record of the field that the rows are for
-    #[arg(long, value_name = "DAYS", default_value = "1", requires = "as_one", value_parser = days)]
-    pub(crate) ahead: f64,
-}
-
-/// What belongs to fitting heliostat by heliostat.
-const ONE_BY_ONE: [&str; 16] = [
+/// Options of a fit heliostat by heliostat that may not hold, or not always, for the field as one.
+pub(crate) const OF_ONE_BY_ONE: [&str; 11] = [
     "solver",
     "residual",
     "robust",
@@ -313,13 +303,32 @@ const ONE_BY_ONE: [&str; 16] = [
     "keep_all",
     "no_jumps",
     "max_year_pointing_mrad",
-    "report",
-    "compare",
-    "rejected",
-    "plan",
-    "plan_out",
     "resume",
 ];
+
+/// The field as one.
+#[derive(Debug, ClapArgs)]
+pub(crate) struct JointArgs {
+    /// Fit the field as one: what heliostats share, how they differ, how their zero points move; a row
+    /// for every heliostat of the layout
+    #[arg(long, group = "as_one")]
+    pub(crate) joint: bool,
+    /// Take new observations into a state that --state wrote; a row for every heliostat
+    #[arg(long, value_name = "STATE", group = "as_one")]
+    pub(crate) update: Option<PathBuf>,
+    /// File for the state, from which --update goes on [default with --update: the same file]
+    #[arg(long, value_name = "STATE", requires = "as_one")]
+    pub(crate) state: Option<PathBuf>,
+    /// File for what the field has in common: sags, shifts of targets, time of the sun
+    #[arg(long, value_name = "FILE", requires = "as_one")]
+    pub(crate) causes: Option<PathBuf>,
+    /// File with a row for each record: how its spot was foretold, and what became of it
+    #[arg(long, value_name = "FILE", requires = "as_one")]
+    pub(crate) steps: Option<PathBuf>,
+    /// Days after the last record of the field that the rows are for
+    #[arg(long, value_name = "DAYS", default_value = "1", requires = "as_one", value_parser = days)]
+    pub(crate) ahead: f64,
+}
 
 /// How to fit.
 #[derive(Debug, ClapArgs)]

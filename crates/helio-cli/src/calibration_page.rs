@@ -31,6 +31,38 @@ fn verdict_of(set: &DoneSet) -> Verdict {
     }
 }
 
+/// What people call the field.
+pub(crate) fn site_name(loaded: &LoadedField) -> &str {
+    let site = loaded.site.as_ref().and_then(|site| site.name.as_deref());
+    site.unwrap_or("a heliostat field")
+}
+
+/// Now, as text.
+pub(crate) fn made_at() -> String {
+    let seconds = jiff::Timestamp::now().as_second();
+    helio_io::format_time(seconds.saturating_mul(1_000_000_000))
+}
+
+/// What a run was made from, and how.
+pub(crate) fn facts(
+    loaded: &LoadedField,
+    observations: &Observations,
+    p: &Provenance,
+) -> Vec<(String, String)> {
+    let files = loaded.files.iter().map(|path| path.display().to_string());
+    [
+        ("field", files.collect::<Vec<_>>().join(", ")),
+        ("observations", observations.path.display().to_string()),
+        ("solver", p.solver.clone()),
+        ("residual", p.residual.clone()),
+        ("robust loss", p.robust.clone()),
+        ("field, SHA-256", p.field_hash.clone()),
+        ("observations, SHA-256", p.observations_hash.clone()),
+    ]
+    .map(|(name, text)| (name.to_owned(), text))
+    .to_vec()
+}
+
 impl Source<'_> {
     pub(crate) fn page(&self) -> CalibrationPage {
         let field = &self.loaded.field;
@@ -74,35 +106,11 @@ impl Source<'_> {
         let centres = self.loaded.targets.values().map(|target| target.centre);
         let n = self.loaded.targets.len() as f64;
         let tower = centres.fold([0.0; 2], |sum, c| [sum[0] + c.east, sum[1] + c.north]);
-        let files = self
-            .loaded
-            .files
-            .iter()
-            .map(|path| path.display().to_string());
-        let site = self.loaded.site.as_ref().and_then(|site| site.name.clone());
-        let p = self.provenance;
         CalibrationPage {
-            title: format!(
-                "Calibration of {}",
-                site.as_deref().unwrap_or("a heliostat field")
-            ),
-            generated_utc: helio_io::format_time(
-                jiff::Timestamp::now()
-                    .as_second()
-                    .saturating_mul(1_000_000_000),
-            ),
-            version: format!("helio-rs {}", p.version),
-            facts: [
-                ("field", files.collect::<Vec<_>>().join(", ")),
-                ("observations", self.observations.path.display().to_string()),
-                ("solver", p.solver.clone()),
-                ("residual", p.residual.clone()),
-                ("robust loss", p.robust.clone()),
-                ("field, SHA-256", p.field_hash.clone()),
-                ("observations, SHA-256", p.observations_hash.clone()),
-            ]
-            .map(|(name, text)| (name.to_owned(), text))
-            .to_vec(),
+            title: format!("Calibration of {}", site_name(self.loaded)),
+            generated_utc: made_at(),
+            version: format!("helio-rs {}", self.provenance.version),
+            facts: facts(self.loaded, self.observations, self.provenance),
             findings: self.findings.clone(),
             field: lines,
             tower_m: (n > 0.0).then(|| tower.map(|sum| sum / n)),

@@ -14,8 +14,6 @@ mod printer;
 
 use std::process::ExitCode;
 
-use clap::Parser;
-
 use args::{Args, Verb};
 use failure::Failure;
 use printer::Printer;
@@ -31,7 +29,7 @@ enum Outcome {
 
 fn main() -> ExitCode {
     keep_silent_about_damaged_parquet();
-    let args = Args::parse();
+    let args = Args::typed();
     let printer = Printer::new(args.verb.is_quiet());
     match run(&args, &printer) {
         Ok(Outcome::Good) => ExitCode::SUCCESS,

@@ -9,6 +9,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use common::{FIELD, Folder, NOON, Run, rows};
+use helio_calib::joint::simulate::{FieldCauses, FieldOptions, SimulatedField, simulate_field};
+use helio_core::{PoseErrors, TrackingMode};
 
 type Row = BTreeMap<String, String>;
 
@@ -46,6 +48,83 @@ fn number(row: &Row, name: &str) -> f64 {
     row[name]
         .parse()
         .unwrap_or_else(|_| panic!("{name}: {}", row[name]))
+}
+
+const DAY: &str = "2025-09-17";
+const RECORDS: usize = 30;
+
+/// A pitch-roll field of forty whose second axes sag, with targets that stand elsewhere, on disk: `seen.csv` and the
+/// day after, `next.csv`. Of every ten heliostats the last three had 3 records, 1 and none.
+fn sagging() -> (Folder, FieldOptions, SimulatedField) {
+    let options = FieldOptions {
+        heliostats: 40,
+        records: RECORDS,
+        next_day_records: 2,
+        mode: TrackingMode::PitchRoll {
+            axis_azimuth_rad: std::f64::consts::FRAC_PI_2,
+        },
+        causes: FieldCauses {
+            pose_errors: PoseErrors {
+                axis2_sag_rad: 3.6e-3,
+                ..PoseErrors::NONE
+            },
+            target_shift_m: vec![[0.03, -0.05], [-0.04, 0.02], [0.06, 0.03]],
+            ..FieldCauses::default()
+        },
+        outlier_probability: 0.01,
+        ..FieldOptions::new(3).unwrap()
+    };
+    let field = simulate_field(&options).unwrap();
+    let folder = Folder::empty();
+    let mut toml = format!(
+        "[site]\nname = \"Simulated\"\nlatitude_deg = {}\nlongitude_deg = {}\nelevation_m = 88.0\n",
+        options.site.latitude_rad().to_degrees(),
+        0.111_5_f64.to_degrees()
+    );
+    for (k, target) in options.targets.iter().enumerate() {
+        let c = target.centre;
+        toml += &format!(
+            "[targets.board{k}]\ncentre_enu_m = [{:?}, {:?}, {:?}]\nnormal_enu = [0.0, 1.0, 0.0]\nwidth_m = 8.0\n\
+             height_m = 7.0\n",
+            c.east, c.north, c.up
+        );
+    }
+    toml += "[heliostats]\ntable = \"heliostats.csv\"\naim = \"board0\"\nmode = \"pitch-roll\"\n\
+             axis_azimuth_deg = 90\nmirror_offset_m = 0.18\n";
+    folder.write("field.toml", toml);
+    let mut layout = String::from("id,east_m,north_m,up_m\n");
+    let head = "heliostat_id,time,axis1_deg,axis2_deg,target,u_m,v_m\n";
+    let (mut seen, mut next) = (head.to_owned(), head.to_owned());
+    for (k, heliostat) in field.heliostats.iter().enumerate() {
+        let p = heliostat.mount.pivot;
+        layout += &format!("S{k:02},{:?},{:?},{:?}\n", p.east, p.north, p.up);
+        let kept = match k % 10 {
+            7 => 3,
+            8 => 1,
+            9 => 0,
+            _ => RECORDS,
+        };
+        for (record, o) in heliostat.observations.iter().enumerate() {
+            let to = match record {
+                record if record < kept => &mut seen,
+                record if record >= RECORDS => &mut next,
+                _ => continue,
+            };
+            *to += &format!(
+                "S{k:02},{},{:?},{:?},board{},{:?},{:?}\n",
+                helio_io::format_time(o.unix_ns.unwrap()),
+                o.axis1_rad.to_degrees(),
+                o.axis2_rad.to_degrees(),
+                o.target,
+                o.u_m,
+                o.v_m
+            );
+        }
+    }
+    folder.write("heliostats.csv", layout);
+    folder.write("seen.csv", seen);
+    folder.write("next.csv", next);
+    (folder, options, field)
 }
 
 /// The records of seen.csv from one time up to another.
@@ -486,16 +565,10 @@ fn what_does_not_go_together_is_refused_before_anything_is_read() {
     let joint = ["--observations", "none.csv", "--joint"];
     let update = ["--observations", "none.csv", "--update", "none.parquet"];
     for (args, words) in [
-        (&joint[..], &["--solver", "gauss-newton"][..]),
-        (&joint, &["--sets", "2"]),
-        (&joint, &["--robust", "huber"]),
-        (&joint, &["--prior", "mirror_tilt=0:0.1"]),
-        (&joint, &["--rejected", "r.csv"]),
-        (&joint, &["--plan", "3", "--plan-date", "2026-06-21"]),
-        (&joint, &["--resume", "--out", "c.csv"]),
-        (&joint, &["--update", "s.parquet"]),
-        (&update, &["--keep-all"]),
-        (&update, &["--causes", "c.csv"]),
+        (&joint[..], &["--update", "s.parquet"][..]),
+        (&joint, &["--plan", "3"]),
+        (&update, &["--plan-date", "2026-06-21"]),
+        (&["--observations", "none.csv"], &["--causes", "c.csv"]),
         (&["--observations", "none.csv"], &["--state", "s.parquet"]),
         (&["--observations", "none.csv"], &["--steps", "s.csv"]),
         (&["--observations", "none.csv"], &["--ahead", "2"]),
@@ -509,6 +582,43 @@ fn what_does_not_go_together_is_refused_before_anything_is_read() {
             "{said}"
         );
         assert!(!said.contains("no such file"), "{said}");
+    }
+    // Options of a fit heliostat by heliostat: each with the reason.
+    let reasons = [
+        (
+            &["--solver", "gauss-newton"][..],
+            "filtered record by record",
+        ),
+        (&["--solver", "hartley-meyer"], "filtered record by record"),
+        (
+            &["--residual", "beam"],
+            "makes the miss across the beam small",
+        ),
+        (&["--robust", "huber"], "whether it is believed"),
+        (&["--sets", "2"], "causes in common"),
+        (&["--fit-mirror-offset"], "from the layout"),
+        (&["--hold", "mirror_tilt"], "all six angles are found"),
+        (
+            &["--prior", "mirror_tilt=0:0.1"],
+            "learns from all heliostats",
+        ),
+        (&["--resume", "--out", "c.csv"], "fitted in one piece"),
+    ];
+    for (more, why) in reasons {
+        for (args, way) in [(&joint[..], "--joint"), (&update, "--update")] {
+            let run = calibrate(&folder, &[args, more].concat());
+            assert_eq!(run.code(), 2, "{more:?}");
+            let said = run.stderr();
+            let begin = format!("{} with {way}: ", more[0]);
+            assert!(said.contains(&begin) && said.contains(why), "{said}");
+        }
+    }
+    for more in ["--keep-all", "--no-jumps"] {
+        let said = calibrate(&folder, &[&update[..], &[more]].concat()).stderr();
+        assert!(
+            said.contains("as the --joint that began it was told to"),
+            "{said}"
+        );
     }
     for (args, more, wanted) in [
         (
@@ -532,6 +642,25 @@ fn what_does_not_go_together_is_refused_before_anything_is_read() {
             &joint,
             &["--steps", "x.txt"],
             "the suffix stands for no format",
+        ),
+        (
+            &joint,
+            &[
+                "--rejected",
+                "x.csv",
+                "--plan-out",
+                "x.csv",
+                "--plan",
+                "1",
+                "--plan-date",
+                "2026-06-21",
+            ],
+            "name the same file",
+        ),
+        (
+            &update,
+            &["--report", "x.html", "--causes", "x.html"],
+            "name the same file",
         ),
     ] {
         let run = calibrate(&folder, &[args, more].concat());
@@ -571,4 +700,244 @@ fn a_site_and_times_are_needed() {
         "{}",
         run.stderr()
     );
+}
+
+#[test]
+fn the_field_as_one_has_a_page_a_plan_and_a_list_of_what_was_not_believed() {
+    let (folder, options, _) = sagging();
+    let run = calibrate(
+        &folder,
+        &[
+            "--joint",
+            "--observations",
+            "seen.csv",
+            "--out",
+            "joint.csv",
+            "--causes",
+            "causes.csv",
+            "--report",
+            "joint.html",
+            "--rejected",
+            "rejected.csv",
+            "--plan",
+            "2",
+            "--plan-date",
+            DAY,
+            "--plan-out",
+            "plan.csv",
+            "--state",
+            "s.parquet",
+            "--steps",
+            "steps.csv",
+        ],
+    );
+    run.good();
+    let said = run.stderr();
+    assert!(said.contains(" mrad, is worth "), "{said}");
+
+    let causes = rows(&folder.read("causes.csv"));
+    let sag = causes
+        .iter()
+        .find(|c| c["cause"] == "axis2_sag_rad")
+        .unwrap();
+    let true_sag = options.causes.pose_errors.axis2_sag_rad;
+    assert!((number(sag, "value") - true_sag).abs() < 3.0 * number(sag, "sigma"));
+    let (turn, worth) = (number(sag, "turn_mrad"), number(sag, "worth_mrad"));
+    println!("the sag turns beams by {turn:.3} mrad and is worth {worth:.3}");
+    assert!(0.5 < worth && worth < turn && turn < 5.0, "{worth} {turn}");
+    for cause in causes.iter().filter(|c| c["admitted"] == "0") {
+        assert_eq!(
+            (number(cause, "turn_mrad"), number(cause, "value")),
+            (0.0, 0.0)
+        );
+    }
+
+    let page = folder.read("joint.html");
+    for text in [
+        "<h1>Simulated as one</h1>",
+        "Heliostats: 40, observed: 36.",
+        "sag of axis 2",
+        "board1: shift to the right",
+        "turn, mrad",
+        "One record ahead, after a heliostat's first 6",
+        "Inside the stated ellipse",
+        "Zero points over time",
+        "heliostats.csv",
+    ] {
+        assert!(page.contains(text), "{text}");
+    }
+    assert!(
+        !page.contains("NaN") && page.len() < 1_000_000,
+        "{}",
+        page.len()
+    );
+
+    // What was not believed stands in both lists.
+    let lines = |name: &str, of: &str| {
+        let mut lines: Vec<String> = rows(&folder.read(name))
+            .into_iter()
+            .filter(|row| row[of] == "outlier")
+            .map(|row| row["line"].clone())
+            .collect();
+        lines.sort();
+        lines
+    };
+    let outliers = lines("steps.csv", "kind");
+    assert!(outliers.len() > 4, "{}", outliers.len());
+    assert_eq!(outliers, lines("rejected.csv", "reason"));
+    let rejected = rows(&folder.read("rejected.csv"));
+    assert_eq!(rejected.len(), outliers.len());
+    assert!(rejected[0]["why"].contains("mrad from where it was expected"));
+
+    // Two records are proposed for each, and lower what is not known, most where there is none.
+    let plan = rows(&folder.read("plan.csv"));
+    assert_eq!(plan.len(), 80);
+    let table = rows(&folder.read("joint.csv"));
+    let mut before_of = [0.0; 2];
+    for (pair, of) in plan.chunks(2).zip(&table) {
+        let [first, second] = pair else {
+            unreachable!()
+        };
+        assert_eq!((&first["id"], &second["id"]), (&of["id"], &of["id"]));
+        assert!(first["time"].starts_with(DAY) && first["target"].starts_with("board"));
+        let [before, between, after] = [
+            number(first, "year_pointing_before_mrad"),
+            number(second, "year_pointing_before_mrad"),
+            number(second, "year_pointing_after_mrad"),
+        ];
+        assert_eq!(between, number(first, "year_pointing_after_mrad"));
+        assert!(
+            before > between && between > after,
+            "{before} {between} {after}"
+        );
+        // what the zero points wander by is not in it
+        assert!(
+            before < 1.02 * number(of, "year_pointing_mrad"),
+            "{before} {of:?}"
+        );
+        before_of[usize::from(number(of, "observations") > 6.0)] += before;
+        if of["id"].ends_with('9') {
+            assert!(before > 10.0 && after < 0.3 * before, "{before} {after}");
+        }
+    }
+    assert!(
+        before_of[0] / 12.0 > 3.0 * before_of[1] / 28.0,
+        "{before_of:?}"
+    );
+
+    for row in table.iter().filter(|row| number(row, "observations") > 6.0) {
+        let ratio = number(row, "beam_rms_mrad") / number(row, "expected_mrad");
+        assert!((0.4..2.0).contains(&ratio), "{row:?}");
+        // boards are met at up to some 45 degrees
+        let oblique = number(row, "rms_mrad") / number(row, "beam_rms_mrad");
+        assert!((0.9..1.6).contains(&oblique), "{row:?}");
+    }
+
+    // Those known too badly are refused where that is asked for.
+    let run = calibrate(
+        &folder,
+        &[
+            "--joint",
+            "--observations",
+            "seen.csv",
+            "--out",
+            "strict.csv",
+            "--max-year-pointing-mrad",
+            "3",
+            "--compare",
+            "joint.csv",
+        ],
+    );
+    assert_eq!(run.code(), 1);
+    let said = run.stderr();
+    assert!(said.contains("compared: "), "{said}");
+    for (strict, row) in rows(&folder.read("strict.csv")).iter().zip(&table) {
+        let good = number(row, "year_pointing_mrad") <= 3.0;
+        assert_eq!(strict["status"], if good { "ok" } else { "undetermined" });
+        assert_eq!(strict["mirror_tilt_deg"].is_empty(), !good);
+        assert_eq!(strict["why"].is_empty(), good);
+    }
+
+    // Without outliers and jumps every record is believed.
+    let args = [
+        "--joint",
+        "--observations",
+        "seen.csv",
+        "--out",
+        "all.csv",
+        "--keep-all",
+        "--no-jumps",
+        "--rejected",
+        "none.csv",
+    ];
+    calibrate(&folder, &args).good();
+    assert_eq!(rows(&folder.read("none.csv")).len(), 0);
+}
+
+#[test]
+fn a_followed_field_has_them_too() {
+    let (folder, _, field) = sagging();
+    let args = [
+        "--joint",
+        "--observations",
+        "seen.csv",
+        "--out",
+        "joint.csv",
+        "--state",
+        "s.parquet",
+    ];
+    calibrate(&folder, &args).good();
+    let run = calibrate(
+        &folder,
+        &[
+            "--update",
+            "s.parquet",
+            "--observations",
+            "next.csv",
+            "--out",
+            "followed.csv",
+            "--causes",
+            "causes.csv",
+            "--report",
+            "followed.html",
+            "--rejected",
+            "rejected.csv",
+            "--compare",
+            "joint.csv",
+            "--plan",
+            "1",
+            "--plan-date",
+            "2025-09-18",
+            "--plan-out",
+            "plan.csv",
+        ],
+    );
+    run.good();
+    assert!(
+        run.stderr().contains("compared: 40 heliostats"),
+        "{}",
+        run.stderr()
+    );
+    let causes = rows(&folder.read("causes.csv"));
+    let sag = causes
+        .iter()
+        .find(|c| c["cause"] == "axis2_sag_rad")
+        .unwrap();
+    assert!((number(sag, "value") - 3.6e-3).abs() < 3.0 * number(sag, "sigma"));
+    assert_eq!(
+        (sag["log_evidence"].as_str(), sag["admitted"].as_str()),
+        ("", "1")
+    );
+    let page = folder.read("followed.html");
+    let records = format!("are those of {} of them", field.heliostats.len() * 2);
+    for text in [
+        &records[..],
+        "Zero points over time",
+        "<h2>Findings</h2>",
+        "not admitted",
+    ] {
+        assert!(page.contains(text), "{text}");
+    }
+    assert!(!page.contains("NaN") && !page.contains("turn, mrad"));
+    assert_eq!(rows(&folder.read("plan.csv")).len(), 40);
 }

@@ -78,11 +78,13 @@ pub struct JointColumns {
     pub zero_sigma_rad: [f64; 2],
     /// Expected miss of its beam at its aim on the day that the set is for \[mrad\].
     pub foretold_mrad: f64,
+    /// What was expected of the misses that [`CalibratedSet::beam_rms_mrad`] counts, RMS \[mrad\].
+    pub expected_mrad: f64,
 }
 
 impl JointColumns {
     /// Columns in the table, in order.
-    pub const NAMES: [&'static str; 9] = [
+    pub const NAMES: [&'static str; 10] = [
         "sigma_axis1_sag_mrad",
         "sigma_axis2_sag_mrad",
         "sigma_axis2_eccentricity_mrad",
@@ -92,13 +94,16 @@ impl JointColumns {
         "sigma_axis1_zero_mrad",
         "sigma_axis2_zero_mrad",
         "foretold_mrad",
+        "expected_mrad",
     ];
 
-    fn numbers(&self) -> [f64; 9] {
+    fn numbers(&self) -> [f64; 10] {
         let [a, b, c] = self.pose_sigmas_rad.map(|sigma| 1e3 * sigma);
         let [d, e] = self.zero_rad.map(|zero| 1e3 * zero);
         let [f, g] = self.zero_sigma_rad.map(|sigma| 1e3 * sigma);
-        [a, b, c, self.jumps as f64, d, e, f, g, self.foretold_mrad]
+        let jumps = self.jumps as f64;
+        let (day, seen) = (self.foretold_mrad, self.expected_mrad);
+        [a, b, c, jumps, d, e, f, g, day, seen]
     }
 }
 
@@ -308,7 +313,7 @@ pub fn write_calibration(
         times(&|s| s.observed_ns.map(|t| t.0)),
         times(&|s| s.observed_ns.map(|t| t.1)),
     );
-    let joint: [Vec<f64>; 9] = std::array::from_fn(|k| {
+    let joint: [Vec<f64>; 10] = std::array::from_fn(|k| {
         numbers(&|s| s.joint.as_ref().map_or(f64::NAN, |j| j.numbers()[k]))
     });
     let jumps = whole(&|s| s.joint.as_ref().map(|j| j.jumps));

@@ -1,32 +1,14 @@
 //! Pages of calibrations from made-up numbers: odd ones, and as large as fields get. Each is also written to
 //! the build's temporary folder, to be looked at.
 
-use std::f64::consts::TAU;
+mod common;
 
+use common::{DAY_NS, Dice};
 use helio_report::calibration::{
     CalibrationPage, EpochSection, HeliostatSection, HeliostatSummary, ParameterRow, ParameterUnit,
     Record, SECTIONS, SetChoice, SetRow, TargetOutline, Verdict, calibration_page, most_in_need,
 };
 
-/// A sequence of numbers in 0..1 that is the same every time.
-struct Dice(u64);
-
-impl Dice {
-    fn roll(&mut self) -> f64 {
-        self.0 = self
-            .0
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    /// With mean 0 and standard deviation 1.
-    fn normal(&mut self) -> f64 {
-        (-2.0 * (1.0 - self.roll()).ln()).sqrt() * (TAU * self.roll()).cos()
-    }
-}
-
-const DAY_NS: i64 = 86_400_000_000_000;
 const SLANT_M: f64 = 240.0;
 
 /// A heliostat whose zero points jump `jumps` times in two years.
@@ -251,30 +233,8 @@ fn page(field: Vec<HeliostatSummary>, heliostats: Vec<HeliostatSection>) -> Cali
 /// Writes a page to be looked at, and checks what every page must keep.
 fn drawn(name: &str, page: &CalibrationPage) -> String {
     let html = calibration_page(page);
-    let path = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}.html"));
-    std::fs::write(&path, &html).expect("the temporary folder of the build");
-    for word in ["NaN", "inf", "http", "<script", "url("] {
-        assert!(!html.contains(word), "{name}: {word}");
-    }
-    balanced(name, &html);
+    common::keep(name, &html, &["inf"]);
     html
-}
-
-/// Every element that begins also ends, in the right order.
-fn balanced(name: &str, html: &str) {
-    let mut open: Vec<&str> = Vec::new();
-    for tag in html.split('<').skip(1) {
-        let (tag, _) = tag.split_once('>').expect("a tag that ends");
-        let word = tag.split_whitespace().next().unwrap_or_default();
-        if tag.starts_with('!') || tag.ends_with('/') || word == "meta" {
-            continue;
-        }
-        match word.strip_prefix('/') {
-            Some(end) => assert_eq!(open.pop(), Some(end), "{name}"),
-            None => open.push(word),
-        }
-    }
-    assert!(open.is_empty(), "{name}: {open:?}");
 }
 
 #[test]

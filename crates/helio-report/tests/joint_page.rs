@@ -1,31 +1,13 @@
 //! Pages of joint calibrations from made-up numbers: odd ones, and as large as fields get. Each is also
 //! written to the build's temporary folder, to be looked at.
 
-use std::f64::consts::TAU;
+mod common;
 
+use common::{DAY_NS, Dice};
 use helio_report::joint::{
     CauseLine, HeliostatLine, JointPage, NumberLine, RecordLine, TRACKS, joint_page,
 };
 
-/// A sequence of numbers in 0..1 that is the same every time.
-struct Dice(u64);
-
-impl Dice {
-    fn roll(&mut self) -> f64 {
-        self.0 = self
-            .0
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    /// With mean 0 and standard deviation 1.
-    fn normal(&mut self) -> f64 {
-        (-2.0 * (1.0 - self.roll()).ln()).sqrt() * (TAU * self.roll()).cos()
-    }
-}
-
-const DAY_NS: i64 = 86_400_000_000_000;
 const NAMES: [&str; 7] = [
     "pedestal tilt along mount axis 1",
     "pedestal tilt along mount axis 2",
@@ -88,6 +70,7 @@ fn cause(name: &str, unit: &str, value: f64, admitted: bool) -> CauseLine {
         spread: None,
         log_evidence: if admitted { 120.3 } else { -2.1 },
         admitted,
+        turn_mrad: Some(if admitted { value.abs() } else { 0.0 }),
         worth_mrad: Some(if admitted { 0.8 * value.abs() } else { 0.0 }),
     }
 }
@@ -116,6 +99,7 @@ fn page(heliostats: Vec<HeliostatLine>) -> JointPage {
             value: 0.2213,
             unit: "mrad".to_owned(),
         }],
+        followed: false,
         unknowns: NAMES.map(str::to_owned).to_vec(),
         mean_mrad: MEAN_MRAD.to_vec(),
         covariance_mrad2,
@@ -132,30 +116,8 @@ fn field(n: usize, records: usize, bold: f64) -> Vec<HeliostatLine> {
 /// Writes a page to be looked at, and checks what every page must keep.
 fn drawn(name: &str, page: &JointPage) -> String {
     let html = joint_page(page);
-    let path = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}.html"));
-    std::fs::write(&path, &html).expect("the temporary folder of the build");
-    for word in ["NaN", "inf\"", "inf ", "http", "<script", "url("] {
-        assert!(!html.contains(word), "{name}: {word}");
-    }
-    balanced(name, &html);
+    common::keep(name, &html, &["inf\"", "inf "]);
     html
-}
-
-/// Every element that begins also ends, in the right order.
-fn balanced(name: &str, html: &str) {
-    let mut open: Vec<&str> = Vec::new();
-    for tag in html.split('<').skip(1) {
-        let (tag, _) = tag.split_once('>').expect("a tag that ends");
-        let word = tag.split_whitespace().next().unwrap_or_default();
-        if tag.starts_with('!') || tag.ends_with('/') || word == "meta" {
-            continue;
-        }
-        match word.strip_prefix('/') {
-            Some(end) => assert_eq!(open.pop(), Some(end), "{name}"),
-            None => open.push(word),
-        }
-    }
-    assert!(open.is_empty(), "{name}: {open:?}");
 }
 
 /// The share that the table of ellipses prints for plain records \[%\].
@@ -249,8 +211,28 @@ fn a_caller_may_leave_records_out() {
     });
     let html = drawn("joint-part", &page(lines));
     assert!(html.contains("Heliostats: 31, observed: 30. Records: 1\u{202f}800,"));
-    assert!(html.contains("The figures and lists of records hold 600 of them."));
+    assert!(html.contains("outliers and jumps, are those of 600 of them."));
     assert!(html.contains("Left out, as never observed: 1."));
+}
+
+/// Of a field that is followed the records of a run come after others.
+#[test]
+fn records_are_the_last_of_a_heliostats_observations() {
+    let mut lines = field(30, 4, 1.0);
+    let few = drawn("joint-few", &page(lines.clone()));
+    assert!(!few.contains("One record ahead, after"));
+    for line in &mut lines {
+        line.observations = 54;
+    }
+    let mut followed = page(lines);
+    followed.followed = true;
+    let html = drawn("joint-followed", &followed);
+    assert!(
+        html.contains("as known after each record") && few.contains("as all records tell them")
+    );
+    assert!(html.contains("One record ahead, after a heliostat's first 6"));
+    // each of them is foretold from 50 records or more
+    assert!(html.contains(">48–95</text>") && !html.contains(">3–5</text>"));
 }
 
 #[test]
@@ -314,6 +296,7 @@ fn odd_pages_are_drawn() {
         cause.spread = Some(f64::NAN);
         cause.log_evidence = f64::NEG_INFINITY;
         cause.worth_mrad = Some(f64::INFINITY);
+        cause.turn_mrad = Some(f64::NAN);
     }
     odd.noise[0].value = f64::NAN;
     odd.mean_mrad = vec![f64::NAN; 2];

@@ -1,16 +1,16 @@
 //! The calibration follows the plant: records one after the other, in bounded memory.
 
-use helio_core::Enu;
+use helio_core::{Enu, PoseErrors};
 use rayon::prelude::*;
 
-use super::belief::{Belief, Shape, Told, column};
+use super::belief::{Belief, REFERENCES, Shape, Told, at, column};
 use super::common::{Common, Sum};
-use super::foretell::{Foretold, foretold, later, shared_values, zero_points};
+use super::foretell::{Foretold, foretold, later, references, shared_values, zero_points};
 use super::hyper::{Hyper, Marks, Noise, Wander, waited};
 use super::hypotheses::{Account, Mishaps, told_by};
-use super::rows::{Expansion, MILLI, Rows, Structure, filter_unit, parameters, pole};
-use super::terms::Cause;
-use super::{JointFit, WANDERING};
+use super::rows::{ANGLES, Expansion, MILLI, Rows, Structure, filter_unit, parameters, pole};
+use super::terms::{AxisCause, Cause};
+use super::{CommonCause, JointFit, WANDERING, is_free};
 use crate::error::CalibrationError;
 use crate::field::Campaign;
 use crate::parameters::Parameters;
@@ -53,6 +53,20 @@ pub struct JumpSeen {
 
 /// Jumps that are remembered of a heliostat.
 const JUMPS_KEPT: usize = 16;
+
+fn last_jumps(mut jumps: Vec<JumpSeen>) -> Vec<JumpSeen> {
+    jumps.drain(..jumps.len().saturating_sub(JUMPS_KEPT));
+    jumps
+}
+
+/// Which of the [`PoseErrors`] a cause is.
+fn pose_error(cause: AxisCause) -> usize {
+    match cause {
+        AxisCause::Axis1Sag => 0,
+        AxisCause::Axis2Sag => 1,
+        AxisCause::Axis2Eccentricity => 2,
+    }
+}
 
 /// A heliostat that is followed.
 #[derive(Debug, Clone, PartialEq)]
@@ -114,6 +128,10 @@ pub struct Step {
     pub foretold: Foretold,
     /// What became of it.
     pub kind: StepKind,
+    /// References of either axis as known after it, zero points included \[rad\].
+    pub references_rad: [f64; 2],
+    /// One standard deviation of them \[rad\].
+    pub references_sigma_rad: [f64; 2],
     /// Whether the running mean of misses is an alarm after it.
     pub alarm: bool,
 }
@@ -153,6 +171,10 @@ pub struct Known {
     pub zero_rad: [f64; 2],
     /// One standard deviation of them \[rad\].
     pub zero_sigma_rad: [f64; 2],
+    /// What its mount's pose errors are found to be, of its own and of the field; zero where not admitted.
+    pub pose_errors: PoseErrors,
+    /// One standard deviation of them \[rad\], in the order of [`PoseErrors`].
+    pub pose_sigmas_rad: [f64; 3],
 }
 
 impl Known {
@@ -184,7 +206,7 @@ impl JointFit {
                 last_day: posterior.last_day,
                 records: posterior.records as u64,
                 outliers: posterior.outliers.len() as u64,
-                jumps: Vec::new(),
+                jumps: last_jumps(posterior.jumps.iter().map(|(_, jump)| *jump).collect()),
                 drift: [0.0; 2],
                 drift_variance: 0.0,
                 accounts: vec![Account::new(posterior.belief.clone())],
@@ -220,7 +242,7 @@ impl FieldState {
         self.heliostats.iter().position(|h| h.id == id)
     }
 
-    fn hyper(&self) -> Hyper {
+    pub(super) fn hyper(&self) -> Hyper {
         Hyper {
             noise: self.noise,
             wander: self.wander,
@@ -326,25 +348,31 @@ impl FieldState {
         later(best, heliostat.last_day, &rows, &rates, &self.common)
     }
 
-    /// What is known of a heliostat at a time \[days since 1970\], not before its last record.
-    ///
-    /// # Panics
-    /// If there is no heliostat in that place.
-    #[must_use]
-    pub fn known(&self, place: usize, day: f64) -> Known {
+    /// What a heliostat is believed to be at a time \[days since 1970\], not before its last record.
+    pub(super) fn belief_at(&self, place: usize, day: f64) -> Belief<f64> {
         let heliostat = &self.heliostats[place];
         let mut belief = heliostat.accounts[0].belief.clone();
         if let Some(last) = heliostat.last_day {
             let (kept, added) = waited(&self.hyper().rates(), day - last);
             belief.wait(kept, added);
         }
+        belief
+    }
+
+    /// What is known of a heliostat at a time \[days since 1970\], not before its last record.
+    ///
+    /// # Panics
+    /// If there is no heliostat in that place.
+    #[must_use]
+    pub fn known(&self, place: usize, day: f64) -> Known {
+        let belief = self.belief_at(place, day);
         let shape = belief.shape;
         let (own, still) = (shape.own(), shape.still);
         let mean = self.common.mean_of(&belief);
         let covariance = self.common.covariance_of(&belief);
         let [zero_rad, zero_sigma_rad] = zero_points(&belief, &self.common);
         let members = |i: usize| -> Vec<usize> {
-            let zeros = super::REFERENCES.iter().position(|&r| r == i);
+            let zeros = REFERENCES.iter().position(|&r| r == i);
             core::iter::once(i)
                 .chain(
                     zeros
@@ -353,7 +381,7 @@ impl FieldState {
                 )
                 .collect()
         };
-        let values = (0..still)
+        let values: Vec<f64> = (0..still)
             .map(|i| members(i).iter().map(|&k| mean[k]).sum::<f64>() / MILLI)
             .collect();
         let mut out = vec![0.0; still * still];
@@ -366,31 +394,98 @@ impl FieldState {
                 }
             }
         }
+        let mut pose_errors = [(0.0, 0.0); 3];
+        for (k, cause) in self.axis_causes() {
+            if is_free(self.prior_sigma[k]) {
+                pose_errors[pose_error(cause)] = if k < still {
+                    (values[k], libm::sqrt(out[k * still + k].max(0.0)))
+                } else {
+                    (self.common.mean[k] / MILLI, self.common.sigma(k) / MILLI)
+                };
+            }
+        }
         Known {
             values,
             covariance: out,
             zero_rad,
             zero_sigma_rad,
+            pose_errors: PoseErrors::from_array(pose_errors.map(|(value, _)| value)),
+            pose_sigmas_rad: pose_errors.map(|(_, sigma)| sigma),
         }
     }
 
-    /// Values of the causes in common, with one standard deviation, in their own units; causes of each
-    /// heliostat as the field's mean.
+    /// Six angles at rest and causes of its own of a heliostat \[rad\], and one standard deviation of each.
+    ///
+    /// # Panics
+    /// If there is no heliostat in that place.
     #[must_use]
-    pub fn causes(&self) -> Vec<(Cause, f64, f64)> {
+    pub fn at_rest(&self, place: usize) -> (Vec<f64>, Vec<f64>) {
+        let belief = &self.heliostats[place].accounts[0].belief;
+        let (own, still) = (belief.shape.own(), belief.shape.still);
+        let covariance = self.common.covariance_of(belief);
+        let sigma = |i: usize| libm::sqrt(covariance[i * own + i].max(0.0)) / MILLI;
+        let mean = self.common.mean_of(belief);
+        let values = mean[..still].iter().map(|x| x / MILLI).collect();
+        (values, (0..still).map(sigma).collect())
+    }
+
+    /// Mean of heliostats' own unknowns at rest \[rad\], six angles and then causes of their own.
+    #[must_use]
+    pub fn field_mean(&self) -> Vec<f64> {
         let still = self.structure.shape().still;
+        self.common.mean[..still]
+            .iter()
+            .map(|x| x / MILLI)
+            .collect()
+    }
+
+    /// Their covariance over the field \[rad²\], row by row, as the joint fit found it.
+    #[must_use]
+    pub fn field_covariance(&self) -> Vec<f64> {
+        let still = self.structure.shape().still;
+        (0..still * still)
+            .map(|k| {
+                let (i, j) = (k / still, k % still);
+                self.spread[at(i.max(j), i.min(j))] / (MILLI * MILLI)
+            })
+            .collect()
+    }
+
+    /// Causes that turn axes, each with its place among the common unknowns.
+    fn axis_causes(&self) -> impl Iterator<Item = (usize, AxisCause)> {
         let own = self.structure.own.iter().enumerate();
-        let own = own.map(|(k, &cause)| (super::ANGLES + k, Cause::Axis(cause)));
+        let still = self.structure.shape().still;
         let shared = self.structure.shared.iter().enumerate();
-        let shared = shared.map(|(k, &cause)| (still + k, cause));
-        own.chain(shared)
+        own.map(|(k, &cause)| (ANGLES + k, cause))
+            .chain(shared.filter_map(move |(k, &cause)| match cause {
+                Cause::Axis(cause) => Some((still + k, cause)),
+                _ => None,
+            }))
+    }
+
+    /// The causes in common as now known: those of each heliostat first.
+    #[must_use]
+    pub fn causes(&self) -> Vec<CommonCause> {
+        let still = self.structure.shape().still;
+        let own = self.structure.own.iter().map(|&cause| Cause::Axis(cause));
+        own.chain(self.structure.shared.iter().copied())
+            .enumerate()
             .map(|(k, cause)| {
-                let unit = filter_unit(cause);
-                (
+                let (k, unit) = (ANGLES + k, filter_unit(cause));
+                let admitted = is_free(self.prior_sigma[k]);
+                let only_if = |value: f64| if admitted { value } else { 0.0 };
+                CommonCause {
                     cause,
-                    self.common.mean[k] / unit,
-                    self.common.sigma(k) / unit,
-                )
+                    value: only_if(self.common.mean[k] / unit),
+                    sigma: self.common.sigma(k) / unit,
+                    spread: if k < still {
+                        only_if(libm::sqrt(self.spread[at(k, k)]) / unit)
+                    } else {
+                        0.0
+                    },
+                    log_evidence: f64::NAN,
+                    admitted,
+                }
             })
             .collect()
     }
@@ -480,10 +575,14 @@ impl Followed {
             let [x, y] = self.drift;
             let alarm = x * x + y * y > context.alarm.threshold() * self.drift_variance
                 && self.drift_variance > 0.0;
+            let best = &self.accounts[0].belief;
+            let [references_rad, references_sigma_rad] = references(best, context.common);
             steps.push(Step {
                 observation: rows.of[k],
                 foretold: before,
                 kind,
+                references_rad,
+                references_sigma_rad,
                 alarm,
             });
         }
@@ -511,8 +610,7 @@ impl Followed {
             let day = self.undecided[k];
             self.jumps.push(JumpSeen { day, axis });
         }
-        let surplus = self.jumps.len().saturating_sub(JUMPS_KEPT);
-        self.jumps.drain(..surplus);
+        self.jumps = last_jumps(core::mem::take(&mut self.jumps));
         self.undecided.clear();
         let told = core::mem::replace(&mut only.told, Told::nothing(shape));
         Some(Sum::new(told, 0.0))

@@ -64,6 +64,15 @@ pub(super) fn shared_values(structure: &Structure, common: &Common) -> Vec<f64> 
         .collect()
 }
 
+/// Whose slopes an own unknown has: a wandering zero point moves the beam as its reference does.
+pub(super) fn of_slope(still: usize, unknown: usize) -> usize {
+    if unknown < still {
+        unknown
+    } else {
+        REFERENCES[(unknown - still) % 2]
+    }
+}
+
 /// A record held against what is believed.
 pub(super) fn foretold(
     shape: Shape,
@@ -80,14 +89,7 @@ pub(super) fn foretold(
     let own = shape.own();
     let n = common.mean.len();
     // (s, b) jointly: s = m + G b + noise of P, and b itself through its causes
-    let slope = |i: usize, c: usize| {
-        let i = if i < still {
-            i
-        } else {
-            REFERENCES[(i - still) % 2]
-        };
-        row[2 * i + c]
-    };
+    let slope = |i: usize, c: usize| row[2 * of_slope(still, i) + c];
     let mut miss = [row[rest + column::SEEN], row[rest + column::SEEN + 1]];
     let mut by_common = vec![[0.0; 2]; n];
     for k in 0..causes {
@@ -194,7 +196,7 @@ impl JointFit {
             jumps: posterior
                 .jumps
                 .iter()
-                .filter_map(|&(o, axis)| Some((place(o)?, axis)))
+                .filter_map(|&(o, jump)| Some((place(o)?, jump.axis)))
                 .collect(),
         };
         rows.mark(self.structure.shape(), &marks, self.mishaps.jump_mrad);
@@ -274,34 +276,43 @@ impl JointFit {
 /// Zero points of both axes less those at rest, and their standard deviations \[rad\].
 pub(super) fn zero_points(belief: &Belief<f64>, common: &Common) -> [[f64; 2]; 2] {
     let still = belief.shape.still;
-    sums(
-        belief,
-        common,
-        [0, 1].map(|axis| vec![still + axis, still + axis + 2]),
-    )
+    sums(belief, common, |axis| vec![still + axis, still + axis + 2])
 }
 
 /// References of both axes, zero points included, and their standard deviations \[rad\].
-fn references(belief: &Belief<f64>, common: &Common) -> [[f64; 2]; 2] {
+pub(super) fn references(belief: &Belief<f64>, common: &Common) -> [[f64; 2]; 2] {
     let still = belief.shape.still;
     let of = |axis: usize| vec![REFERENCES[axis], still + axis, still + axis + 2];
-    sums(belief, common, [0, 1].map(of))
+    sums(belief, common, of)
 }
 
 /// Sums of own unknowns, and their standard deviations \[rad\].
-fn sums(belief: &Belief<f64>, common: &Common, of: [Vec<usize>; 2]) -> [[f64; 2]; 2] {
-    let own = belief.shape.own();
-    let mean = common.mean_of(belief);
-    let covariance = common.covariance_of(belief);
+fn sums(belief: &Belief<f64>, common: &Common, of: impl Fn(usize) -> Vec<usize>) -> [[f64; 2]; 2] {
+    let n = common.mean.len();
     let mut out = [[0.0; 2]; 2];
-    for (axis, members) in of.iter().enumerate() {
-        let mut variance = 0.0;
-        for &k in members {
-            out[0][axis] += mean[k] / MILLI;
-            for &l in members {
-                variance += covariance[k * own + l];
+    for axis in 0..2 {
+        let members = of(axis);
+        let (mut mean, mut variance) = (0.0, 0.0);
+        let mut gain = vec![0.0; n];
+        for &k in &members {
+            mean += belief.mean[k];
+            for (l, sum) in gain.iter_mut().enumerate() {
+                *sum += belief.gain(k, l);
+            }
+            for &l in &members {
+                variance += belief.covariance(k, l);
             }
         }
+        for (g, line) in gain.iter().zip(common.covariance.chunks_exact(n)) {
+            let through: f64 = line.iter().zip(&gain).map(|(v, other)| v * other).sum();
+            variance += g * through;
+        }
+        mean += gain
+            .iter()
+            .zip(&common.mean)
+            .map(|(g, b)| g * b)
+            .sum::<f64>();
+        out[0][axis] = mean / MILLI;
         out[1][axis] = libm::sqrt(variance.max(0.0)) / MILLI;
     }
     out

@@ -273,6 +273,40 @@ impl Group {
         }
     }
 
+    /// Of each heliostat the last record of which more is left where the formula was made linear than this: its
+    /// square, in expected variances of one component.
+    pub fn last_beyond(
+        &self,
+        shape: Shape,
+        prior: &Prior<'_>,
+        limit: f64,
+    ) -> [Option<usize>; BLOCK] {
+        let rest = shape.row() - column::REST;
+        let rates = &prior.rates;
+        let wander: f64 = rates.wander.iter().sum();
+        let mut last = [None; BLOCK];
+        for (record, row) in self.rows.chunks_exact(shape.row()).enumerate() {
+            for lane in 0..BLOCK {
+                let mut square = 0.0;
+                let mut scatter = rates.beam + rates.spot * row[rest + column::ON_TARGET][lane];
+                scatter += row[rest + column::STATED][lane] + wander;
+                for i in 0..2 {
+                    let mut left = row[rest + column::SEEN + i][lane];
+                    for k in 0..shape.still {
+                        left -= row[2 * k + i][lane] * (MILLI * self.still[k][lane]);
+                    }
+                    square += left * left;
+                    let path = row[rest + column::PATH + i][lane];
+                    scatter += 0.5 * rates.sun * path * path;
+                }
+                if square > limit * scatter {
+                    last[lane] = Some(record);
+                }
+            }
+        }
+        last
+    }
+
     /// The first linearised records of a heliostat by themselves, one after the other.
     pub fn records_of(&self, shape: Shape, lane: usize, count: usize) -> Vec<f64> {
         let wanted = self.rows[..count * shape.row()].iter();

@@ -149,8 +149,8 @@ pub(super) struct Marks {
 
 /// What is left of the wandering zero points after some days, and what is new.
 pub(super) fn waited(rates: &Rates, days: f64) -> ([f64; WANDERING], [f64; WANDERING]) {
-    let kept: [f64; WANDERING] =
-        core::array::from_fn(|k| libm::exp(-days.max(0.0) / rates.days[k]));
+    let [slow, fast] = [rates.days[0], rates.days[2]].map(|of| libm::exp(-days.max(0.0) / of));
+    let kept = [slow, slow, fast, fast];
     let added = core::array::from_fn(|k| rates.wander[k] * (1.0 - kept[k] * kept[k]));
     (kept, added)
 }
@@ -226,6 +226,19 @@ impl Part {
         Self::FastWander,
         Self::Pooling,
     ];
+
+    /// The words for people.
+    #[must_use]
+    pub const fn in_words(self) -> &'static str {
+        match self {
+            Self::BeamNoise => "noise across the beam",
+            Self::SpotNoise => "noise on the target",
+            Self::SunPathNoise => "noise along the sun's path",
+            Self::SlowWander => "slow wander",
+            Self::FastWander => "fast wander",
+            Self::Pooling => "likeness of heliostats",
+        }
+    }
 
     /// Logarithms that say how large it is, and those that then have no meaning.
     const fn logarithms(self) -> (&'static [usize], &'static [usize]) {

@@ -30,15 +30,15 @@ impl Default for Mishaps {
     }
 }
 
-/// A record nearer than this to what was expected (chi-squared, two degrees of freedom: 5 % lie beyond) is
+/// A record nearer than this to what was expected (chi-squared, two degrees of freedom: 1 % lie beyond) is
 /// taken as it is.
-const DOUBTFUL: f64 = 6.0;
+const DOUBTFUL: f64 = 9.0;
 /// Variance of what was expected, of that of spots in wrong places, above which a record may be one however near it lies.
 const VAGUE: f64 = 0.02;
 /// Accounts carried on at most.
 pub(super) const MOST: usize = 8;
 /// An account less likely than the best by this (logarithm) is given up.
-const GIVEN_UP: f64 = 12.0;
+pub(super) const GIVEN_UP: f64 = 12.0;
 
 /// One account of what happened.
 #[derive(Debug, Clone, PartialEq)]

@@ -6,7 +6,7 @@ use helio_core::lanes::{BLOCK, Kernel, Lanes, run};
 
 use super::belief::{Belief, REFERENCES, Room, Shape, Surprise, Tied, Told, WANDERING, at, column};
 use super::hyper::{Hyper, Marks, waited};
-use super::hypotheses::{Candidate, Held, Kind, MOST, Mishaps, chosen};
+use super::hypotheses::{Candidate, GIVEN_UP, Held, Kind, MOST, Mishaps, chosen};
 use crate::field::lane::{Eight, Lane};
 use crate::model::Real;
 
@@ -26,9 +26,17 @@ pub(super) struct Judge<'a> {
 }
 
 impl Judge<'_> {
-    /// Decides about every record of a heliostat, in time: its linearised records one after the other.
-    pub fn marks(&self, level: SimdLevel, rows: &[f64]) -> Marks {
-        run(level, Records { judge: self, rows })
+    /// Decides about the records of a heliostat, in time: its linearised records one after the other. Once what
+    /// came to pass up to record `last` is decided, those after it are taken as they are.
+    pub fn marks(&self, level: SimdLevel, rows: &[f64], last: usize) -> Marks {
+        run(
+            level,
+            Records {
+                judge: self,
+                rows,
+                last,
+            },
+        )
     }
 }
 
@@ -42,6 +50,7 @@ struct Event {
 struct Records<'a> {
     judge: &'a Judge<'a>,
     rows: &'a [f64],
+    last: usize,
 }
 
 /// Of the accounts.
@@ -55,6 +64,16 @@ struct Likelihood {
 }
 
 impl Likelihood {
+    /// Whether all accounts but one are given up.
+    fn decided(&self) -> bool {
+        let best = self
+            .logarithm
+            .iter()
+            .fold(f64::NEG_INFINITY, |m, x| m.max(*x));
+        let left = self.logarithm.iter().filter(|x| **x > best - GIVEN_UP);
+        left.count() == 1
+    }
+
     fn settle(&mut self) {
         for lane in 0..BLOCK {
             if self.logarithm[lane] > f64::NEG_INFINITY {
@@ -80,8 +99,9 @@ impl Kernel for Records<'_> {
         } = *self.judge;
         let rates = hyper.rates();
         let alone = Shape {
+            still: shape.still,
+            causes: 0,
             tied: Tied::Nothing,
-            ..shape
         };
         let zero = Lane::<L>::splat(0.0);
         let mut first = Belief::<Lane<L>>::of_field(alone, &hyper.spread, &rates);
@@ -108,9 +128,13 @@ impl Kernel for Records<'_> {
         let mut last: [Option<usize>; BLOCK] = [None; BLOCK];
         let mut candidates = Vec::new();
         let rest = shape.row() - column::REST;
-        let mut row = vec![zero; shape.row()];
+        let mut row = vec![zero; alone.row()];
+        let rest_alone = alone.row() - column::REST;
         for (k, numbers) in self.rows.chunks_exact(shape.row()).enumerate() {
-            for (to, from) in row.iter_mut().zip(numbers) {
+            for (to, from) in row.iter_mut().zip(&numbers[..rest_alone]) {
+                *to = Lane::splat(*from);
+            }
+            for (to, from) in row[rest_alone..].iter_mut().zip(&numbers[rest..]) {
                 *to = Lane::splat(*from);
             }
             for i in 0..2 {
@@ -118,7 +142,7 @@ impl Kernel for Records<'_> {
                 for cause in 0..shape.causes {
                     seen -= numbers[2 * (shape.still + cause) + i] * common[shape.still + cause];
                 }
-                row[rest + column::SEEN + i] = Lane::splat(seen);
+                row[rest_alone + column::SEEN + i] = Lane::splat(seen);
             }
             let (kept, added) = waited(&rates, numbers[rest + column::DAYS]);
             let mut kept_lanes = [zero; WANDERING];
@@ -163,6 +187,9 @@ impl Kernel for Records<'_> {
                 likelihood.waiting += 1;
                 if likelihood.waiting == TOGETHER {
                     likelihood.settle();
+                    if k > self.last && likelihood.decided() {
+                        break;
+                    }
                 }
                 continue;
             }

@@ -21,9 +21,12 @@ mod hypotheses;
 mod judge;
 mod leftovers;
 mod parts;
+mod plan;
 mod rows;
 pub mod simulate;
 mod terms;
+mod worth;
+mod zero;
 
 use std::collections::BTreeMap;
 
@@ -33,7 +36,7 @@ use rayon::prelude::*;
 
 use crate::error::CalibrationError;
 use crate::field::{Campaign, FieldFitOptions, fit_field};
-use belief::{Belief, REFERENCES, Shape, WANDERING};
+use belief::{Belief, Shape, WANDERING};
 use common::{Common, Sum};
 pub use follow::{Alarm, FieldState, Followed, JumpSeen, Known, Step, StepKind};
 use foretell::shared_values;
@@ -48,8 +51,11 @@ pub use hypotheses::Mishaps;
 use judge::Judge;
 pub use leftovers::{Leftover, LeftoverOptions, LeftoverParts, Leftovers};
 pub use parts::{AccountParts, HeliostatParts, StateParts};
-use rows::{ANGLES, DAY_NS, MILLI, Structure, filter_unit, in_time, pole};
+pub use rows::DAY_NS;
+use rows::{ANGLES, MILLI, Structure, filter_unit, in_time, pole};
 pub use terms::{AxisCause, Cause, Description, Scope};
+pub use worth::Worth;
+pub use zero::ZeroPoint;
 
 /// How to fit a field together.
 #[derive(Debug, Clone, PartialEq)]
@@ -103,7 +109,7 @@ pub struct CommonCause {
     pub sigma: f64,
     /// Standard deviation of heliostats about it, in its own unit.
     pub spread: f64,
-    /// How much likelier (logarithm) the records are with it.
+    /// How much likelier (logarithm) the records are with it; NaN in a followed field, which does not carry it on.
     pub log_evidence: f64,
     /// Whether the field's records speak for it.
     pub admitted: bool,
@@ -122,8 +128,8 @@ pub struct Posterior {
     pub last_day: Option<f64>,
     /// Observations that were not believed.
     pub outliers: Vec<usize>,
-    /// Observations before which the zero point of an axis (0 or 1) jumped.
-    pub jumps: Vec<(usize, usize)>,
+    /// Observations before which the zero point of an axis jumped, in time.
+    pub jumps: Vec<(usize, JumpSeen)>,
     /// How many observations it had.
     pub records: usize,
     belief: Belief<f64>,
@@ -163,10 +169,12 @@ const BEGIN_WITH_FIT: usize = 6;
 const BEGIN_WITHIN_RAD: f64 = 0.5;
 /// What was decided about a heliostat's records holds if the place where the formula is made linear then moves by
 /// no more \[rad\].
-const DECIDED_WITHIN_RAD: f64 = 3e-3;
+const DECIDED_WITHIN_RAD: f64 = 0.01;
 /// A record farther than this from what was expected (chi-squared, two degrees of freedom) has the
 /// heliostat's records judged.
-const JUDGED: f64 = 16.0;
+const JUDGED: f64 = 20.0;
+/// The same where it is held against the heliostat's own fit.
+const CLEARLY: f64 = 30.0;
 /// What holds a cause that is not admitted to zero, in its expected size.
 const HELD: f64 = 1e-9;
 
@@ -188,6 +196,12 @@ struct Work<'a> {
     level: SimdLevel,
     /// All heliostats, those with most records first: eight of them go side by side.
     order: Vec<usize>,
+}
+
+/// Whether a common unknown is found from the records, by its standard deviation before them; if not it is held to
+/// zero.
+fn is_free(prior_sigma: f64) -> bool {
+    prior_sigma > 1e-6
 }
 
 /// Groups of eight that are summed before others are added.
@@ -385,7 +399,7 @@ impl<'a> Work<'a> {
     }
 
     /// Outliers and jumps of a heliostat, written into its records.
-    fn judge(&self, group: &mut Group, lane: usize, k: usize) -> Marks {
+    fn judge(&self, group: &mut Group, lane: usize, k: usize, last: usize) -> Marks {
         let mishaps = &self.options.mishaps;
         let judge = Judge {
             shape: self.shape,
@@ -394,7 +408,7 @@ impl<'a> Work<'a> {
             mishaps,
         };
         let count = self.campaigns[k].observations.len();
-        let marks = judge.marks(self.level, &group.records_of(self.shape, lane, count));
+        let marks = judge.marks(self.level, &group.records_of(self.shape, lane, count), last);
         group.mark(self.shape, lane, &marks, mishaps.jump_mrad);
         marks
     }
@@ -422,7 +436,7 @@ impl<'a> Work<'a> {
                 let mut decided = Decided::new();
                 for (lane, &k) in members.iter().enumerate() {
                     let marks = if all || known.farthest[lane] > JUDGED {
-                        self.judge(&mut group, lane, k)
+                        self.judge(&mut group, lane, k, usize::MAX)
                     } else {
                         Marks::default()
                     };
@@ -481,17 +495,24 @@ impl<'a> Work<'a> {
                     .chunks(BLOCK)
                     .map(|members| {
                         work.linearise(group, members, places);
+                        let last = group.last_beyond(work.shape, &prior, CLEARLY);
                         for (lane, k) in members.iter().enumerate() {
                             if let Some(marks) = before.get(k) {
                                 group.mark(work.shape, lane, marks, work.options.mishaps.jump_mrad);
+                            } else if let Some(last) = last[lane] {
+                                // most of those that the filter would find, before it has to run twice
+                                found.insert(*k, work.judge(group, lane, *k, last));
                             }
                         }
                         let mut known = Beliefs::default();
                         let mut of_group = group.filter(work.level, &prior, &mut known);
                         let mut again = false;
                         for (lane, k) in members.iter().enumerate() {
-                            if known.farthest[lane] > JUDGED && !before.contains_key(k) {
-                                found.insert(*k, work.judge(group, lane, *k));
+                            if known.farthest[lane] > JUDGED
+                                && !before.contains_key(k)
+                                && !found.contains_key(k)
+                            {
+                                found.insert(*k, work.judge(group, lane, *k, usize::MAX));
                                 again = true;
                             }
                         }
@@ -598,7 +619,7 @@ impl<'a> Work<'a> {
     }
 
     fn is_free(&self, k: usize) -> bool {
-        self.prior_sigma[k] > 1e-6
+        is_free(self.prior_sigma[k])
     }
 
     /// Where the formula is made linear next for some heliostats, eight by eight.
@@ -684,9 +705,10 @@ impl<'a> Work<'a> {
             if let Some(marks) = marks.remove(&k)
                 && marks != Marks::default()
             {
-                let (of, _) = in_time(&self.campaigns[k]);
+                let (of, days) = in_time(&self.campaigns[k]);
                 posterior.outliers = marks.outliers.iter().map(|&r| of[r]).collect();
-                posterior.jumps = marks.jumps.iter().map(|&(r, axis)| (of[r], axis)).collect();
+                let jump = |&(r, axis): &(usize, usize)| (of[r], JumpSeen { day: days[r], axis });
+                posterior.jumps = marks.jumps.iter().map(jump).collect();
             }
         }
         JointFit {

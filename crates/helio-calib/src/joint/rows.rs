@@ -19,7 +19,7 @@ pub(super) const MILLI: f64 = 1e3;
 /// The sun's turn about the pole \[rad/s\].
 pub(super) const SUN_TURN_RAD_S: f64 = TAU / 86_400.0;
 /// Nanoseconds of a day.
-pub(super) const DAY_NS: f64 = 86_400e9;
+pub const DAY_NS: f64 = 86_400e9;
 
 /// Which unknowns there are.
 #[derive(Debug, Clone, PartialEq)]

@@ -44,6 +44,7 @@ pub(crate) const IGNORED: &[&str] = &[
     "axis1_zero_mrad",
     "axis2_zero_mrad",
     "foretold_mrad",
+    "expected_mrad",
     "why",
 ];
 

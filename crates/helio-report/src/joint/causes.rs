@@ -19,9 +19,14 @@ const BARS: f64 = 400.0;
 const ROW: f64 = 24.0;
 const TOP: f64 = 26.0;
 
+/// A number of a cause that was admitted, else NaN.
+fn admitted(cause: &CauseLine, number: Option<f64>) -> f64 {
+    let number = number.filter(|x| cause.admitted && x.is_finite());
+    number.unwrap_or(f64::NAN)
+}
+
 fn worth(cause: &CauseLine) -> f64 {
-    let worth = cause.worth_mrad.filter(|w| cause.admitted && w.is_finite());
-    worth.unwrap_or(f64::NAN)
+    admitted(cause, cause.worth_mrad)
 }
 
 /// Those admitted first, by what they are worth.
@@ -104,8 +109,8 @@ pub(super) fn figure(causes: &[CauseLine]) -> Option<String> {
         canvas.text(free + 10.0, y + 4.0, "", &mrad(worth(cause)));
     }
     canvas.line((LEFT, TOP), (LEFT, bottom), "axis");
-    let mut caption = "What each cause moves the beam by at its value, root mean square over the records. Error bars: \
-                       one standard deviation."
+    let mut caption = "By how much farther a fit that does not know of a cause would miss, root mean square over the records. \
+                       Error bars: one standard deviation."
         .to_owned();
     if all > rows.len() {
         let _ = write!(caption, " The largest {} of {}.", rows.len(), count(all));
@@ -119,42 +124,60 @@ pub(super) fn figure(causes: &[CauseLine]) -> Option<String> {
     ))
 }
 
+/// Heading and cells of a column of the table.
+type Column<'a> = (&'static str, &'a dyn Fn(&CauseLine) -> String);
+
 /// All causes in numbers.
 pub(super) fn table(causes: &[CauseLine]) -> String {
     if causes.is_empty() {
         return "<p>No causes were looked for.</p>\n".to_owned();
     }
+    let shown: Vec<&CauseLine> = sorted(causes).into_iter().take(MOST).collect();
+    let dash = || "–".to_owned();
+    let evidence = |c: &CauseLine| match c.log_evidence {
+        nats if nats.is_finite() => format!("{nats:.1}").replace('-', "\u{2212}"),
+        _ => dash(),
+    };
+    let spread = |c: &CauseLine| match admitted(c, c.spread) {
+        spread if spread.is_finite() => format!("{} {}", rounded(spread, 0.3 * spread), c.unit),
+        _ => dash(),
+    };
+    let columns: [Column<'_>; 4] = [
+        ("differ by", &spread),
+        ("evidence", &evidence),
+        ("turn, mrad", &|c| mrad(admitted(c, c.turn_mrad))),
+        ("worth, mrad", &|c| mrad(worth(c))),
+    ];
+    // Where nobody knows, as of the evidence in a followed field, there is no column.
+    let columns: Vec<(&str, Vec<String>)> = columns
+        .into_iter()
+        .map(|(name, of)| (name, shown.iter().map(|c| of(c)).collect::<Vec<_>>()))
+        .filter(|(_, cells)| cells.iter().any(|cell| *cell != dash()))
+        .collect();
     let mut html = String::from(
-        "<div class=\"scroll\"><table><thead><tr><th>cause</th><th>scope</th><th class=\"n\">value</th>\
-         <th class=\"n\">heliostats differ by</th><th class=\"n\">evidence</th><th class=\"n\">worth, mrad</th>\
-         </tr></thead>\n",
+        "<div class=\"scroll\"><table><thead><tr><th>cause</th><th>scope</th><th class=\"n\">value</th>",
     );
-    for cause in sorted(causes).into_iter().take(MOST) {
+    for (name, _) in &columns {
+        // Writing to a string cannot fail.
+        let _ = write!(html, "<th class=\"n\">{name}</th>");
+    }
+    html.push_str("</tr></thead>\n");
+    for (number, cause) in shown.iter().enumerate() {
         let found = if cause.admitted {
             format!("<td class=\"n\">{}</td>", Escaped(&value(cause)))
         } else {
             "<td class=\"n\"><b class=\"badge soft\">not admitted</b></td>".to_owned()
         };
-        let spread = cause.spread.filter(|s| cause.admitted && s.is_finite());
-        let spread = spread.map_or_else(
-            || "–".to_owned(),
-            |s| format!("{} {}", rounded(s, 0.3 * s), cause.unit),
-        );
-        let evidence = if cause.log_evidence.is_finite() {
-            format!("{:.1}", cause.log_evidence).replace('-', "\u{2212}")
-        } else {
-            "–".to_owned()
-        };
-        // Writing to a string cannot fail.
-        let _ = writeln!(
+        let _ = write!(
             html,
-            "<tr><td>{}</td><td>{}</td>{found}<td class=\"n\">{}</td><td class=\"n\">{evidence}</td>\
-             <td class=\"n\">{}</td></tr>",
+            "<tr><td>{}</td><td>{}</td>{found}",
             Escaped(&cause.name),
             Escaped(&cause.scope),
-            Escaped(&spread),
-            mrad(worth(cause)),
         );
+        for (_, cells) in &columns {
+            let _ = write!(html, "<td class=\"n\">{}</td>", Escaped(&cells[number]));
+        }
+        html.push_str("</tr>\n");
     }
     html.push_str("</table></div>\n");
     if causes.len() > MOST {

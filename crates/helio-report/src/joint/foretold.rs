@@ -43,7 +43,7 @@ pub(super) struct Held<'a> {
 /// All records that were foretold.
 pub(super) fn held(page: &JointPage) -> Vec<Held<'_>> {
     let lines = page.heliostats.iter();
-    let all = lines.flat_map(|line| line.records.iter().enumerate());
+    let all = lines.flat_map(|line| (line.before()..).zip(&line.records));
     all.filter(|(_, record)| record.is_foretold())
         .map(|(before, record)| Held { before, record })
         .collect()

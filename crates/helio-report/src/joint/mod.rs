@@ -44,6 +44,9 @@ pub struct JointPage {
     pub covariance_mrad2: Vec<f64>,
     /// Every heliostat, in the order of the field.
     pub heliostats: Vec<HeliostatLine>,
+    /// Whether the field is followed: zero points are then those known after each record, less those at rest before
+    /// the first; else those that all records tell, less those at rest after the last.
+    pub followed: bool,
 }
 
 impl JointPage {
@@ -74,7 +77,9 @@ pub struct CauseLine {
     pub log_evidence: f64,
     /// Whether the field's records speak for it; if not it was held at zero.
     pub admitted: bool,
-    /// Root mean square over the records of how far its value moves the beam \[mrad\].
+    /// Root mean square over the records of how far its value turns the beam \[mrad\].
+    pub turn_mrad: Option<f64>,
+    /// The same of what is left where each heliostat's angles make up for as much as they can \[mrad\].
     pub worth_mrad: Option<f64>,
 }
 
@@ -100,7 +105,8 @@ pub struct HeliostatLine {
     pub values_mrad: Vec<f64>,
     /// One standard deviation of each \[mrad\].
     pub sigmas_mrad: Vec<f64>,
-    /// Its records, in time. A caller may leave them out for a part of a very large field.
+    /// Its records, in time: the last of its observations. A caller may leave them out for a part of a very large
+    /// field.
     pub records: Vec<RecordLine>,
 }
 
@@ -115,7 +121,7 @@ pub struct RecordLine {
     pub miss_mrad: [f64; 2],
     /// Covariance of that, the record's own scatter included \[mrad²\]: first, mixed, second.
     pub covariance_mrad2: [f64; 3],
-    /// Zero points of both axes less those at rest, after it \[mrad\].
+    /// Zero points of both axes less those at rest, see [`JointPage::followed`] \[mrad\].
     pub zero_mrad: [f64; 2],
     /// One standard deviation of them \[mrad\].
     pub zero_sigma_mrad: [f64; 2],
@@ -171,10 +177,31 @@ pub fn joint_page(page: &JointPage) -> String {
     page::html(page)
 }
 
+/// Which heliostats' zero points the page draws, of those with records: all of a small field; else half of
+/// [`TRACKS`] those missed farthest, the others evenly chosen.
+#[must_use]
+pub fn tracks(page: &JointPage) -> Vec<usize> {
+    zero::chosen(page)
+}
+
+/// The heliostats whose zero points the page needs in numbers besides those: those of the jumps that it lists.
+#[must_use]
+pub fn jumped(page: &JointPage) -> Vec<usize> {
+    zero::listed(page)
+}
+
 impl HeliostatLine {
+    /// How many of its observations were made before its records.
+    fn before(&self) -> usize {
+        self.observations.saturating_sub(self.records.len())
+    }
+
     /// Plain records that were foretold from [`SETTLED`] others at least.
     fn settled(&self) -> impl Iterator<Item = &RecordLine> {
-        let later = self.records.iter().skip(SETTLED);
+        let later = self
+            .records
+            .iter()
+            .skip(SETTLED.saturating_sub(self.before()));
         later.filter(|r| r.is_foretold() && r.is_plain())
     }
 }

@@ -46,13 +46,18 @@ pub(super) fn html(page: &JointPage) -> String {
         html.push_str(&foretold::outliers(page));
     }
 
+    if !page.findings.is_empty() {
+        html.push_str("<h2>Findings</h2>\n");
+        html.push_str(&sentences(&page.findings));
+    }
+
     html.push_str("<h2>What the words mean</h2>\n");
     let words = WORDS.map(|(word, meaning)| (word.to_owned(), meaning.to_owned()));
     html.push_str(&facts(&words));
     document(&page.title, &html, [&page.version, &page.generated_utc])
 }
 
-const WORDS: [(&str, &str); 11] = [
+const WORDS: [(&str, &str); 12] = [
     (
         "miss",
         "Angle between the foretold beam and the spot that was seen, seen from the mirror. A mirror turned by 1 mrad turns \
@@ -61,7 +66,7 @@ const WORDS: [(&str, &str); 11] = [
     (
         "one record ahead",
         "A record is foretold from the records of its heliostat before it; what is common to the field is taken from all \
-         records.",
+         records of the fit.",
     ),
     (
         "expected",
@@ -82,9 +87,13 @@ const WORDS: [(&str, &str); 11] = [
          without evidence is held at zero.",
     ),
     (
+        "turn",
+        "How far the cause at its value turns the beam, root mean square over the records.",
+    ),
+    (
         "worth",
-        "How far the cause moves the beam at its value, root mean square over the records. The six angles can take over a \
-         part of it, so a fit without the cause would lose less.",
+        "By how much farther a fit that does not know of the cause would miss the records: how far its value turns the beam, \
+         less what each heliostat's angles at rest can make up for, root mean square over the records.",
     ),
     (
         "zero point",
@@ -155,12 +164,12 @@ fn summary(page: &JointPage, held: &[foretold::Held<'_>]) -> Vec<String> {
     }
     let counted = records().count();
     if counted > 0 && counted < observations {
-        all.push(format!(
-            "The figures and lists of records hold {} of them.",
+        let said = format!(
+            "The figures and lists of records, and the numbers of outliers and jumps, are those of {} of them.",
             count(counted)
-        ));
+        );
+        all.insert(1, said);
     }
-    all.extend(page.findings.iter().cloned());
     all
 }
 

@@ -101,14 +101,22 @@ pub(super) fn figure(page: &JointPage, chosen: &[usize]) -> Option<String> {
         let name = shortened(&line.id, 16);
         canvas.text(place.left, place.top - 7.0, "name", &name);
         let (across, in_time) = time_axis(place, shared, line);
-        let records = format!("{} records{}", count(line.records.len()), across.name);
+        let number = line.records.len();
+        let plural = if number == 1 { "" } else { "s" };
+        let records = format!("{} record{plural}{}", count(number), across.name);
         let right = place.left + place.width;
         canvas.text(right, place.top - 7.0, "e soft small", &records);
         edges |= panel(&mut canvas, place, &across, line, in_time);
     }
-    let mut caption = "Zero points less those at rest, mrad of the mirror, after each record, with one standard deviation. \
-                       All panels show the same time but those that say otherwise; each has its own scale of mrad."
-        .to_owned();
+    let of = if page.followed {
+        "as known after each record, less those at rest before the first"
+    } else {
+        "as all records tell them, less those at rest after the last"
+    };
+    let mut caption = format!(
+        "Zero points {of}, mrad of the mirror, with one standard deviation. All panels show the same time but those that \
+         say otherwise; each has its own scale of mrad."
+    );
     if edges {
         caption.push_str(" Squares at an edge lie beyond it; the list of jumps has their numbers.");
     }
@@ -360,27 +368,45 @@ pub(super) fn jumps_of(record: &RecordLine) -> usize {
     record.jumped.iter().filter(|jumped| **jumped).count()
 }
 
-/// The latest jumps.
-pub(super) fn jumps(page: &JointPage) -> String {
-    let mut all: Vec<(&HeliostatLine, usize, usize)> = Vec::new();
-    for line in &page.heliostats {
+/// All jumps, the latest first: which heliostat, before which record, of which axis.
+fn found(page: &JointPage) -> Vec<(usize, usize, usize)> {
+    let mut all: Vec<(usize, usize, usize)> = Vec::new();
+    for (number, line) in page.heliostats.iter().enumerate() {
         for (i, record) in line.records.iter().enumerate() {
             all.extend(
                 (0..2)
                     .filter(|&axis| record.jumped[axis])
-                    .map(|axis| (line, i, axis)),
+                    .map(|axis| (number, i, axis)),
             );
         }
     }
+    all.sort_by_key(|&(number, i, _)| {
+        std::cmp::Reverse(page.heliostats[number].records[i].unix_ns)
+    });
+    all
+}
+
+/// The heliostats of the jumps that are listed, each once.
+pub(super) fn listed(page: &JointPage) -> Vec<usize> {
+    let all = found(page).into_iter().take(MOST_LISTED);
+    let mut heliostats: Vec<usize> = all.map(|(number, _, _)| number).collect();
+    heliostats.sort_unstable();
+    heliostats.dedup();
+    heliostats
+}
+
+/// The latest jumps.
+pub(super) fn jumps(page: &JointPage) -> String {
+    let all = found(page);
     if all.is_empty() {
         return "<p>No zero point was found to have jumped.</p>\n".to_owned();
     }
-    all.sort_by_key(|(line, i, _)| std::cmp::Reverse(line.records[*i].unix_ns));
     let mut html = String::from(
         "<table><thead><tr><th>heliostat</th><th>found at (UTC)</th><th>record</th><th class=\"n\">axis</th>\
          <th class=\"n\">from, mrad</th><th class=\"n\">to, mrad</th><th class=\"n\">by, mrad</th></tr></thead>\n",
     );
-    for &(line, i, axis) in all.iter().take(MOST_LISTED) {
+    for &(number, i, axis) in all.iter().take(MOST_LISTED) {
+        let line = &page.heliostats[number];
         let record = &line.records[i];
         let before = i.checked_sub(1).map(|i| &line.records[i]);
         let zero = |r: &RecordLine| rounded(r.zero_mrad[axis], r.zero_sigma_mrad[axis]);

@@ -25,12 +25,13 @@ use crate::args::{CalibrateArgs, word};
 use crate::calibration::Done;
 use crate::calibration_page::Source;
 use crate::failure::Failure;
-use crate::printer::{Bytes, Counted, Grouped, Printer};
+use crate::printer::{Counted, Grouped, Printer};
 use crate::{Outcome, plan};
 use asked::Asked;
-use changes::earlier;
+use changes::{changes, earlier};
 use day::without_sigmas;
 use proposals::Proposals;
+use rejected::write_rejected;
 use resume::{build_hash, finished, hash_files, hash_text, is_plain};
 
 /// Lines of findings that a terminal shows.
@@ -148,10 +149,10 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
     let all = || -> Result<(Vec<CalibratedSet>, Vec<String>, u64), Failure> {
         let sets: Vec<CalibratedSet> = done.iter().flat_map(|done| run.sets(done)).collect();
         let changes = match &old {
-            Some(old) => run.changes(old, &sets),
+            Some(old) => changes(&loaded, &observations, old, &sets),
             None => Vec::new(),
         };
-        if let Some(mut file) = report {
+        if let Some(file) = report {
             let page = Source {
                 loaded: &loaded,
                 observations: &observations,
@@ -159,17 +160,14 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
                 provenance: &provenance,
                 findings: changes.clone(),
             };
-            let path = file.path().to_owned();
-            file.write_all(calibration_page(&page.page()).as_bytes())
-                .map_err(|error| IoError::write(&path, error))?;
-            file.finish()?;
+            write_page(file, &calibration_page(&page.page()))?;
         }
         if let Some(path) = &args.rejected {
-            run.write_rejected(path, &done, printer)?;
+            write_rejected(path, run.rejected(&done), &loaded, &observations, printer)?;
         }
         if let Some(proposals) = &proposals {
-            let bytes = run.propose(proposals, &done, args, printer)?;
-            printer.say(format_args!("proposed observations: {}", Bytes(bytes)));
+            let rows = run.propose(proposals, &done)?;
+            proposals.write(&rows, args, &loaded, printer)?;
         }
         // Proposals take the place of the calibration where both would go to standard output.
         let bytes = if proposals.is_some() && args.plan_out.is_none() && args.out.out.is_none() {
@@ -260,6 +258,14 @@ fn report_file(path: &Path) -> Result<AtomicFile, Failure> {
         )));
     }
     Ok(AtomicFile::create(path)?)
+}
+
+fn write_page(mut file: AtomicFile, page: &str) -> Result<(), Failure> {
+    let path = file.path().to_owned();
+    file.write_all(page.as_bytes())
+        .map_err(|error| IoError::write(&path, error))?;
+    file.finish()?;
+    Ok(())
 }
 
 /// Lowest sun of an observation or of a pointing that counts \[rad\].

@@ -13,13 +13,15 @@ use crate::args::CalibrateArgs;
 use crate::calibration::Done;
 use crate::failure::Failure;
 use crate::plan;
-use crate::printer::Printer;
+use crate::printer::{Bytes, Printer};
 
 /// What is asked of the next observations.
 pub(super) struct Proposals {
     pub count: usize,
     pub candidates: Vec<Candidate>,
     pub suns: Vec<EnuUnit>,
+    /// Names of the targets that candidates count.
+    pub targets: Vec<String>,
 }
 
 /// Time between the suns that are looked at for the next observations \[s\].
@@ -47,11 +49,11 @@ impl Proposals {
         let day_s = 86_400.0;
         let east_s = site.longitude_rad / std::f64::consts::TAU * day_s;
         let from_s = midnight.timestamp().as_second() - east_s.round() as i64;
-        let planes: Vec<_> = loaded
+        let (targets, planes): (Vec<_>, Vec<_>) = loaded
             .targets
-            .values()
-            .filter_map(|target| target.area.map(|area| area.plane))
-            .collect();
+            .iter()
+            .filter_map(|(name, target)| Some((name.clone(), target.area?.plane)))
+            .unzip();
         let from_ns = from_s.saturating_mul(1_000_000_000);
         let candidates = helio_calib::plan::candidates(
             &site.sun_site()?,
@@ -70,21 +72,57 @@ impl Proposals {
             count: usize::from(count),
             candidates,
             suns: year_suns(site.latitude_rad, LOWEST_SUN_RAD),
+            targets,
         }))
     }
-}
 
-impl Run<'_> {
-    /// Writes the proposed observations of every heliostat.
-    pub(super) fn propose(
+    /// Writes proposals, each with the row of its heliostat in the field; the number of bytes.
+    pub(super) fn write(
         &self,
-        asked: &Proposals,
-        done: &[Done],
+        rows: &[(usize, Proposal)],
         args: &CalibrateArgs,
+        loaded: &LoadedField,
         printer: &Printer,
     ) -> Result<u64, Failure> {
         let format = plan::format(args.plan_out.as_deref(), None)?;
         let destination = plan::destination(args.plan_out.as_deref(), format, &[], printer)?;
+        let ids: Vec<String> = rows
+            .iter()
+            .map(|(row, _)| loaded.field.ids()[*row].clone())
+            .collect();
+        let times: Vec<Option<i64>> = rows.iter().map(|(_, p)| Some(p.unix_ns)).collect();
+        let numbers =
+            |of: fn(&Proposal) -> f64| -> Vec<f64> { rows.iter().map(|(_, p)| of(p)).collect() };
+        let azimuths = numbers(|p| degrees(p.sun.azimuth_rad()));
+        let elevations = numbers(|p| degrees(p.sun.elevation_rad()));
+        let before = numbers(|p| p.expected_year_pointing_mrad_before);
+        let after = numbers(|p| p.expected_year_pointing_mrad_after);
+        let targets: Vec<String> = rows
+            .iter()
+            .map(|(_, p)| self.targets[p.target].clone())
+            .collect();
+        let columns = [
+            ("id", Cells::Text(&ids)),
+            ("time", Cells::Times(&times)),
+            ("sun_azimuth_deg", Cells::Numbers(&azimuths)),
+            ("sun_elevation_deg", Cells::Numbers(&elevations)),
+            ("target", Cells::Text(&targets)),
+            ("year_pointing_before_mrad", Cells::Numbers(&before)),
+            ("year_pointing_after_mrad", Cells::Numbers(&after)),
+        ];
+        let bytes = write_columns(destination, format, &columns)?;
+        printer.say(format_args!("proposed observations: {}", Bytes(bytes)));
+        Ok(bytes)
+    }
+}
+
+impl Run<'_> {
+    /// The proposed observations of every heliostat, with its row in the field.
+    pub(super) fn propose(
+        &self,
+        asked: &Proposals,
+        done: &[Done],
+    ) -> Result<Vec<(usize, Proposal)>, Failure> {
         let all: Result<Vec<Vec<Proposal>>, Failure> = done
             .par_iter()
             .map(|one| {
@@ -129,35 +167,13 @@ impl Run<'_> {
                 Ok(proposals?)
             })
             .collect();
-        let rows: Vec<(usize, Proposal)> = done
+        Ok(done
             .iter()
             .zip(all?)
-            .flat_map(|(one, proposals)| proposals.into_iter().map(|p| (one.index, p)))
-            .collect();
-        let ids: Vec<String> = rows
-            .iter()
-            .map(|(index, _)| self.id(*index).to_owned())
-            .collect();
-        let times: Vec<Option<i64>> = rows.iter().map(|(_, p)| Some(p.unix_ns)).collect();
-        let numbers =
-            |of: fn(&Proposal) -> f64| -> Vec<f64> { rows.iter().map(|(_, p)| of(p)).collect() };
-        let azimuths = numbers(|p| degrees(p.sun.azimuth_rad()));
-        let elevations = numbers(|p| degrees(p.sun.elevation_rad()));
-        let before = numbers(|p| p.expected_year_pointing_mrad_before);
-        let after = numbers(|p| p.expected_year_pointing_mrad_after);
-        let targets: Vec<String> = rows
-            .iter()
-            .map(|(_, p)| self.observations.targets[p.target].0.clone())
-            .collect();
-        let columns = [
-            ("id", Cells::Text(&ids)),
-            ("time", Cells::Times(&times)),
-            ("sun_azimuth_deg", Cells::Numbers(&azimuths)),
-            ("sun_elevation_deg", Cells::Numbers(&elevations)),
-            ("target", Cells::Text(&targets)),
-            ("year_pointing_before_mrad", Cells::Numbers(&before)),
-            ("year_pointing_after_mrad", Cells::Numbers(&after)),
-        ];
-        Ok(write_columns(destination, format, &columns)?)
+            .flat_map(|(one, proposals)| {
+                let row = self.observations.heliostats[one.index].row;
+                proposals.into_iter().map(move |p| (row, p))
+            })
+            .collect())
     }
 }

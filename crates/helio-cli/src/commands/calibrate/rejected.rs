@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use helio_io::LeftAsideReason;
 use helio_io::output::{Cells, write_columns};
+use helio_io::{LeftAsideReason, LoadedField, Observations};
 
 use super::Run;
 use crate::calibration::Done;
@@ -11,66 +11,86 @@ use crate::failure::Failure;
 use crate::plan;
 use crate::printer::Printer;
 
+/// A record that was set aside.
+pub(super) struct Rejected {
+    /// Which record of the file.
+    pub record: usize,
+    /// Row of its heliostat in the field.
+    pub row: usize,
+    pub beam_mrad: f64,
+    pub reason: String,
+    /// In words.
+    pub why: String,
+}
+
 impl Run<'_> {
-    pub(super) fn write_rejected(
-        &self,
-        path: &Path,
-        done: &[Done],
-        printer: &Printer,
-    ) -> Result<(), Failure> {
-        let format = plan::format(Some(path), None)?;
-        let destination = plan::destination(Some(path), format, &[], printer)?;
-        let mut rows: Vec<(usize, usize, f64, String, String)> = Vec::new();
+    pub(super) fn rejected(&self, done: &[Done]) -> Vec<Rejected> {
+        let mut rows = Vec::new();
         for one in done {
             let of = &self.observations.heliostats[one.index];
-            for left in &one.rejected {
-                let record = of.records[left.row];
-                rows.push((
-                    record,
-                    of.row,
-                    left.beam_mrad.0,
-                    left.reason.clone(),
-                    left.words.clone(),
-                ));
-            }
+            rows.extend(one.rejected.iter().map(|left| Rejected {
+                record: of.records[left.row],
+                row: of.row,
+                beam_mrad: left.beam_mrad.0,
+                reason: left.reason.clone(),
+                why: left.words.clone(),
+            }));
         }
-        for aside in &self.observations.left_aside {
-            let why = match aside.reason {
-                LeftAsideReason::Duplicate { of } => {
-                    format!("it is {} again", self.observations.position(of))
-                }
-                LeftAsideReason::SunBelowHorizon => "at its time the sun was down".to_owned(),
-                _ => "it has no spot".to_owned(),
-            };
-            let reason = aside.reason.as_str().to_owned();
-            rows.push((aside.record, aside.heliostat, f64::NAN, reason, why));
-        }
-        rows.sort_by_key(|row| row.0);
-        let ids: Vec<String> = rows
-            .iter()
-            .map(|row| self.loaded.field.ids()[row.1].clone())
-            .collect();
-        let records: Vec<String> = rows
-            .iter()
-            .map(|row| self.observations.record_id(row.0).unwrap_or("").to_owned())
-            .collect();
-        let lines: Vec<Option<i64>> = rows
-            .iter()
-            .map(|row| i64::try_from(self.observations.line(row.0)).ok())
-            .collect();
-        let beams: Vec<f64> = rows.iter().map(|row| row.2).collect();
-        let reasons: Vec<String> = rows.iter().map(|row| row.3.clone()).collect();
-        let whys: Vec<String> = rows.iter().map(|row| row.4.clone()).collect();
-        let mut columns = vec![("id", Cells::Text(&ids)), ("line", Cells::Whole(&lines))];
-        if records.iter().any(|record| !record.is_empty()) {
-            columns.push(("record_id", Cells::Text(&records)));
-        }
-        columns.extend([
-            ("beam_mrad", Cells::Numbers(&beams)),
-            ("reason", Cells::Text(&reasons)),
-            ("why", Cells::Text(&whys)),
-        ]);
-        write_columns(destination, format, &columns)?;
-        Ok(())
+        rows
     }
+}
+
+/// Writes the records that a calibration set aside, and those that were no use from the first.
+pub(super) fn write_rejected(
+    path: &Path,
+    mut rows: Vec<Rejected>,
+    loaded: &LoadedField,
+    observations: &Observations,
+    printer: &Printer,
+) -> Result<(), Failure> {
+    let format = plan::format(Some(path), None)?;
+    let destination = plan::destination(Some(path), format, &[], printer)?;
+    for aside in &observations.left_aside {
+        let why = match aside.reason {
+            LeftAsideReason::Duplicate { of } => {
+                format!("it is {} again", observations.position(of))
+            }
+            LeftAsideReason::SunBelowHorizon => "at its time the sun was down".to_owned(),
+            _ => "it has no spot".to_owned(),
+        };
+        rows.push(Rejected {
+            record: aside.record,
+            row: aside.heliostat,
+            beam_mrad: f64::NAN,
+            reason: aside.reason.as_str().to_owned(),
+            why,
+        });
+    }
+    rows.sort_by_key(|row| row.record);
+    let ids: Vec<String> = rows
+        .iter()
+        .map(|row| loaded.field.ids()[row.row].clone())
+        .collect();
+    let records: Vec<String> = rows
+        .iter()
+        .map(|row| observations.record_id(row.record).unwrap_or("").to_owned())
+        .collect();
+    let lines: Vec<Option<i64>> = rows
+        .iter()
+        .map(|row| i64::try_from(observations.line(row.record)).ok())
+        .collect();
+    let beams: Vec<f64> = rows.iter().map(|row| row.beam_mrad).collect();
+    let reasons: Vec<String> = rows.iter().map(|row| row.reason.clone()).collect();
+    let whys: Vec<String> = rows.iter().map(|row| row.why.clone()).collect();
+    let mut columns = vec![("id", Cells::Text(&ids)), ("line", Cells::Whole(&lines))];
+    if records.iter().any(|record| !record.is_empty()) {
+        columns.push(("record_id", Cells::Text(&records)));
+    }
+    columns.extend([
+        ("beam_mrad", Cells::Numbers(&beams)),
+        ("reason", Cells::Text(&reasons)),
+        ("why", Cells::Text(&whys)),
+    ]);
+    write_columns(destination, format, &columns)?;
+    Ok(())
 }

@@ -2,23 +2,20 @@
 
 use helio_calib::Campaign;
 use helio_calib::joint::{
-    FieldState, History, JointFit, JointOptions, JumpSeen, StepKind, fit_joint,
+    DAY_NS, FieldState, History, JointFit, JointOptions, StepKind, fit_joint,
 };
-use helio_io::output::{Destination, Format};
-use helio_io::{KeptMount, Observations, StateFile, write_calibration, write_state};
+use helio_io::{KeptMount, Observations, StateFile, write_state};
 use rayon::prelude::*;
 
 use super::known::Seen;
-use super::{Judged, JumpFound, Run};
+use super::outputs::Found;
+use super::{Asked, Judged, JumpFound, Run, SAID};
 use crate::Outcome;
 use crate::failure::Failure;
 use crate::printer::{Bytes, Counted};
 
-/// Jumps that a state remembers of a heliostat.
-const JUMPS_KEPT: usize = 16;
-
 impl Run<'_> {
-    pub(super) fn fit(&self, destination: Destination, format: Format) -> Result<Outcome, Failure> {
+    pub(super) fn fit(&self, asked: Asked) -> Result<Outcome, Failure> {
         let (observations, hash) = self.observations()?;
         let provenance = self.provenance("joint", hash)?;
         let campaigns: Vec<Campaign<'_>> = observations
@@ -29,27 +26,46 @@ impl Run<'_> {
                 observations: &of.observations,
             })
             .collect();
-        let fit = fit_joint(&campaigns, &JointOptions::new(self.latitude_rad()))?;
+        let mut options = JointOptions::new(self.latitude_rad());
+        if self.args.fit.keep_all {
+            options.mishaps.outlier = 0.0;
+        }
+        if self.args.fit.no_jumps {
+            options.mishaps.jump = 0.0;
+        }
+        let fit = fit_joint(&campaigns, &options)?;
+        let worth = fit.worth(&campaigns)?;
         let histories: Vec<Vec<History>> = campaigns
             .par_iter()
             .enumerate()
             .map(|(k, campaign)| fit.history(k, campaign))
             .collect();
-        let (judged, jumps, mut seen) = told(&histories, &observations);
-        let (state, rows) = self.followed(&fit, &observations, &jumps)?;
+        let (judged, mut jumps, mut seen) = self.told(&histories, &observations);
+        for jump in jumps.iter_mut().take(SAID) {
+            jump.size_rad = jump.unix_ns.and_then(|ns| {
+                let zeros = fit.zero_points(jump.index, &campaigns[jump.index])?;
+                let day = ns as f64 / DAY_NS;
+                let after = zeros.iter().position(|zero| zero.day == day)?;
+                let before = zeros.get(after.checked_sub(1)?)?;
+                Some(zeros[after].zero_rad[jump.axis] - before.zero_rad[jump.axis])
+            });
+        }
+        let (state, rows) = self.followed(&fit, &observations)?;
         seen.resize(rows.len(), Seen::default());
-        let day = self.day(&state)?;
-        let sets = self.sets(&state, &rows, &seen, &day);
-
-        let joint = &self.args.joint;
-        if let Some(path) = &joint.causes {
-            self.write_causes(path, &fit.causes, &observations)?;
-        }
-        if let Some(path) = &joint.steps {
-            self.write_steps(path, &judged, &observations)?;
-        }
-        let bytes = write_calibration(destination, format, &sets, &provenance)?;
-        if let Some(path) = &joint.state {
+        let found = Found {
+            state: &state,
+            rows: &rows,
+            seen: &seen,
+            causes: &fit.causes,
+            worth: Some(&worth),
+            judged: &judged,
+            zeros: Some(&|k| fit.zero_points(k, &campaigns[k])),
+            observations: &observations,
+            targets: &observations.targets,
+            provenance: &provenance,
+        };
+        let written = self.write(asked, &found)?;
+        if let Some(path) = &self.args.joint.state {
             let file = StateFile {
                 parts: state.parts(),
                 targets: observations.targets.clone(),
@@ -67,9 +83,9 @@ impl Run<'_> {
                 Bytes(bytes)
             ));
         }
-        self.say_fit(&fit, &observations);
+        self.say_fit(&fit, &worth, &observations.targets);
         self.say_judged(&observations, &judged, &jumps);
-        Ok(self.say_table(&sets, bytes))
+        Ok(self.say_table(&written))
     }
 
     /// The state after the fit, with every heliostat of the field: first those with observations.
@@ -77,23 +93,11 @@ impl Run<'_> {
         &self,
         fit: &JointFit,
         observations: &Observations,
-        jumps: &[JumpFound],
     ) -> Result<(FieldState, Vec<Option<usize>>), Failure> {
         let field = &self.loaded.field;
         let mut rows: Vec<usize> = observations.heliostats.iter().map(|of| of.row).collect();
         let ids: Vec<String> = rows.iter().map(|&row| field.ids()[row].clone()).collect();
-        let mut parts = fit.follow(&ids)?.parts();
-        for jump in jumps {
-            parts.heliostats[jump.index].jumps.push(JumpSeen {
-                day: jump.unix_ns.unwrap_or_default() as f64 / super::DAY_NS,
-                axis: jump.axis,
-            });
-        }
-        for heliostat in &mut parts.heliostats {
-            let surplus = heliostat.jumps.len().saturating_sub(JUMPS_KEPT);
-            heliostat.jumps.drain(..surplus);
-        }
-        let mut state = FieldState::from_parts(parts)?;
+        let mut state = fit.follow(&ids)?;
         let mut has = vec![false; field.len()];
         for &row in &rows {
             has[row] = true;
@@ -104,58 +108,64 @@ impl Run<'_> {
         }
         Ok((state, rows.into_iter().map(Some).collect()))
     }
-}
 
-/// What became of every record.
-fn told(
-    histories: &[Vec<History>],
-    observations: &Observations,
-) -> (Vec<Judged>, Vec<JumpFound>, Vec<Seen>) {
-    let mut judged = Vec::new();
-    let mut jumps = Vec::new();
-    let mut seen = Vec::with_capacity(histories.len());
-    for (index, history) in histories.iter().enumerate() {
-        let mut of_one = Seen::default();
-        for (record, one) in history.iter().enumerate() {
-            let observed = &observations.heliostats[index].observations[one.observation];
-            let unix_ns = observed.unix_ns;
-            let jumped = one.jumped.iter().position(|jumped| *jumped);
-            let kind = if one.outlier {
-                StepKind::Outlier
-            } else if let Some(axis) = jumped {
-                StepKind::Jump(axis)
-            } else if one.foretold.beam_mrad().is_finite() {
-                // the first are foretold of a heliostat that nobody knows yet
-                if record >= history.len() / 2 {
-                    of_one.add(one.foretold.beam_mrad());
+    /// What became of every record.
+    fn told(
+        &self,
+        histories: &[Vec<History>],
+        observations: &Observations,
+    ) -> (Vec<Judged>, Vec<JumpFound>, Vec<Seen>) {
+        let mut judged = Vec::new();
+        let mut jumps = Vec::new();
+        let mut seen = Vec::with_capacity(histories.len());
+        for (index, history) in histories.iter().enumerate() {
+            let of = &observations.heliostats[index];
+            let mount = self.mount(of.row);
+            let mut of_one = Seen::default();
+            for (record, one) in history.iter().enumerate() {
+                let observed = &of.observations[one.observation];
+                let unix_ns = observed.unix_ns;
+                let jumped = one.jumped.iter().position(|jumped| *jumped);
+                let kind = if one.outlier {
+                    StepKind::Outlier
+                } else if let Some(axis) = jumped {
+                    StepKind::Jump(axis)
+                } else if one.foretold.beam_mrad().is_finite() {
+                    // the first are foretold of a heliostat that nobody knows yet
+                    if record >= history.len() / 2 {
+                        of_one.add(&one.foretold, &mount, observed);
+                    }
+                    StepKind::Believed
+                } else {
+                    StepKind::Misses
+                };
+                if let Some(axis) = jumped {
+                    jumps.push(JumpFound {
+                        index,
+                        unix_ns,
+                        axis,
+                        size_rad: None,
+                        missed_mrad: Some(one.foretold.beam_mrad()),
+                        certain: true,
+                    });
                 }
-                StepKind::Believed
-            } else {
-                StepKind::Misses
-            };
-            if let Some(axis) = jumped {
-                jumps.push(JumpFound {
+                if let Some(ns) = unix_ns {
+                    let (first, last) = of_one.times.unwrap_or((ns, ns));
+                    of_one.times = Some((first.min(ns), last.max(ns)));
+                }
+                judged.push(Judged {
                     index,
-                    unix_ns,
-                    axis,
-                    size_rad: None,
-                    missed_mrad: Some(one.foretold.beam_mrad()),
-                    certain: true,
+                    observation: one.observation,
+                    foretold: one.foretold,
+                    kind,
+                    zero_rad: one.zero_rad,
+                    zero_sigma_rad: one.zero_sigma_rad,
+                    jumped: one.jumped,
+                    alarm: None,
                 });
             }
-            if let Some(ns) = unix_ns {
-                let (first, last) = of_one.times.unwrap_or((ns, ns));
-                of_one.times = Some((first.min(ns), last.max(ns)));
-            }
-            judged.push(Judged {
-                index,
-                observation: one.observation,
-                foretold: one.foretold,
-                kind,
-                alarm: None,
-            });
+            seen.push(of_one);
         }
-        seen.push(of_one);
+        (judged, jumps, seen)
     }
-    (judged, jumps, seen)
 }

@@ -2,10 +2,12 @@
 
 use std::path::Path;
 
-use helio_calib::joint::{Cause, CommonCause};
+use helio_calib::joint::{CommonCause, Worth};
+use helio_core::TargetPlane;
 use helio_io::Observations;
 use helio_io::output::{Cells, write_columns};
 
+use super::said::target_of;
 use super::{Judged, Run};
 use crate::failure::Failure;
 use crate::plan;
@@ -15,28 +17,38 @@ impl Run<'_> {
         &self,
         path: &Path,
         causes: &[CommonCause],
-        observations: &Observations,
+        worth: Option<&[Worth]>,
+        targets: &[(String, TargetPlane)],
     ) -> Result<(), Failure> {
         let format = plan::format(Some(path), None)?;
         let destination = plan::destination(Some(path), format, &[], self.printer)?;
         let texts = |of: &dyn Fn(&CommonCause) -> String| causes.iter().map(of).collect::<Vec<_>>();
         let numbers = |of: &dyn Fn(&CommonCause) -> f64| causes.iter().map(of).collect::<Vec<_>>();
         let names = texts(&|c| c.cause.description().name.to_owned());
-        let targets = texts(&|c| target_of(c.cause, observations).to_owned());
+        let of_targets = texts(&|c| target_of(c.cause, targets).to_owned());
         let scopes = texts(&|c| c.cause.description().scope.as_str().to_owned());
         let admitted: Vec<Option<i64>> =
             causes.iter().map(|c| Some(i64::from(c.admitted))).collect();
         let (value, sigma) = (numbers(&|c| c.value), numbers(&|c| c.sigma));
         let (spread, evidence) = (numbers(&|c| c.spread), numbers(&|c| c.log_evidence));
+        let worths = |of: fn(&Worth) -> f64| -> Vec<f64> {
+            match worth {
+                Some(worth) => worth.iter().map(of).collect(),
+                None => vec![f64::NAN; causes.len()],
+            }
+        };
+        let (turn, worth) = (worths(|w| w.turn_mrad), worths(|w| w.worth_mrad));
         let columns = [
             ("cause", Cells::Text(&names)),
-            ("target", Cells::Text(&targets)),
+            ("target", Cells::Text(&of_targets)),
             ("scope", Cells::Text(&scopes)),
             ("value", Cells::Numbers(&value)),
             ("sigma", Cells::Numbers(&sigma)),
             ("spread", Cells::Numbers(&spread)),
             ("log_evidence", Cells::Numbers(&evidence)),
             ("admitted", Cells::Whole(&admitted)),
+            ("turn_mrad", Cells::Numbers(&turn)),
+            ("worth_mrad", Cells::Numbers(&worth)),
         ];
         write_columns(destination, format, &columns)?;
         Ok(())
@@ -86,16 +98,5 @@ impl Run<'_> {
         }
         write_columns(destination, format, &columns)?;
         Ok(())
-    }
-}
-
-/// The name of the target that a cause belongs to, or nothing.
-pub(super) fn target_of(cause: Cause, observations: &Observations) -> &str {
-    match cause {
-        Cause::TargetRight(k) | Cause::TargetDown(k) => observations
-            .targets
-            .get(k)
-            .map_or("", |(name, _)| name.as_str()),
-        Cause::Axis(_) | Cause::SunTime => "",
     }
 }

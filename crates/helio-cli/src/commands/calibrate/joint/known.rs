@@ -1,45 +1,76 @@
 //! What is known of every heliostat, as rows of the calibration table.
 
 use helio_calib::aiming::encoder_angles_rad;
-use helio_calib::joint::{AxisCause, Cause, FieldState, Known};
-use helio_calib::{Campaign, Observation, Parameter, Parameters};
-use helio_core::{EnuUnit, PoseErrors, TargetPlane};
+use helio_calib::joint::{DAY_NS, FieldState, Foretold, Known};
+use helio_calib::plan::year_suns;
+use helio_calib::{
+    Campaign, Duty, Mount, Observation, Parameter, Parameters, Sighting, tilt_standard_error,
+};
+use helio_core::{EnuUnit, TargetPlane};
 use helio_io::{CalibratedSet, JointColumns, errors_as_written};
 use rayon::prelude::*;
 
-use super::{DAY_NS, OK, Run};
+use super::{NO_TARGET, OK, Run};
 use crate::commands::calibrate::LOWEST_SUN_RAD;
 use crate::failure::Failure;
 use crate::plan::{SunClock, toward};
 
 /// Hours of the day at which its sun is looked at, from half a day before.
 const HOURS: i64 = 24;
-/// A cause that is known this well in parts of what is expected of it is held at zero.
-const HELD: f64 = 1e-8;
 /// Camera's scatter on the target of a spot that no camera sees \[m\].
 const NO_CAMERA_M: f64 = 1e-9;
-/// Standard deviations from which a tilt has an azimuth, as in `helio_calib::covariance`.
-const TILT_SIGMAS: f64 = 5.0;
-/// A target that no cause belongs to.
-const NO_TARGET: usize = usize::MAX;
+/// Of the suns of a year so many-th are looked at: at other hours on each of its days.
+const YEAR_STEP: usize = 41;
 
 /// What the records of this run say of a heliostat.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Seen {
-    /// Sum of squares of the misses of records that are believed \[mrad²\], and how many.
-    pub squares: f64,
-    pub count: usize,
+    /// Of the misses of records that are believed the sum of squares \[mrad²\]: of the beam, over the distance from
+    /// pivot to target, and of the beam as it was expected.
+    squares: [f64; 3],
+    count: usize,
     /// First and last \[ns of Unix time\].
     pub times: Option<(i64, i64)>,
 }
 
 impl Seen {
-    pub(super) fn add(&mut self, beam_mrad: f64) {
+    /// Counts a record in.
+    pub(super) fn add(&mut self, foretold: &Foretold, mount: &Mount, seen: &Observation) {
+        let beam_mrad = foretold.beam_mrad();
         if beam_mrad.is_finite() {
-            self.squares += beam_mrad * beam_mrad;
+            let all = [
+                beam_mrad,
+                on_target_mrad(foretold.miss_mrad, mount, seen),
+                foretold.expected_mrad(),
+            ];
+            for (sum, mrad) in self.squares.iter_mut().zip(all) {
+                *sum += mrad * mrad;
+            }
             self.count += 1;
         }
     }
+
+    /// Roots of the means \[mrad\].
+    fn rms_mrad(&self) -> [f64; 3] {
+        self.squares.map(|sum| root_mean(sum, self.count))
+    }
+}
+
+fn root_mean(sum: f64, count: usize) -> f64 {
+    match count {
+        0 => f64::NAN,
+        count => (sum / count as f64).sqrt(),
+    }
+}
+
+/// A miss across the beam as one on the target's plane, over the distance from pivot to target centre \[mrad\].
+fn on_target_mrad(miss_mrad: [f64; 2], mount: &Mount, seen: &Observation) -> f64 {
+    let sighting = Sighting::new(mount, seen);
+    let [u, v] = sighting.spot_m;
+    let slant_m = u.hypot(v).hypot(sighting.centre_along_normal_m);
+    let [[a, b], [c, d]] = sighting.across_beam();
+    let [x, y] = miss_mrad.map(|mrad| mrad * slant_m / (a * d - b * c));
+    (d * x - b * y).hypot(a * y - c * x) / (seen.plane.centre - mount.pivot).norm()
 }
 
 /// The day that a table is for.
@@ -48,6 +79,8 @@ pub(super) struct Day {
     pub day: f64,
     /// Its suns.
     pub suns: Vec<EnuUnit>,
+    /// Some of a year.
+    pub year: Vec<EnuUnit>,
 }
 
 impl Run<'_> {
@@ -67,6 +100,10 @@ impl Run<'_> {
         Ok(Day {
             day,
             suns: suns.filter_map(|(sun, high)| high.then_some(sun)).collect(),
+            year: year_suns(self.latitude_rad(), LOWEST_SUN_RAD)
+                .into_iter()
+                .step_by(YEAR_STEP)
+                .collect(),
         })
     }
 
@@ -78,7 +115,6 @@ impl Run<'_> {
         seen: &[Seen],
         day: &Day,
     ) -> Vec<CalibratedSet> {
-        let shared = SharedPose::of(state);
         let mut places: Vec<(usize, usize)> = rows
             .iter()
             .enumerate()
@@ -87,7 +123,7 @@ impl Run<'_> {
         places.sort_unstable();
         places
             .into_par_iter()
-            .map(|(row, place)| self.set(state, row, place, &seen[place], day, &shared))
+            .map(|(row, place)| self.set(state, row, place, &seen[place], day))
             .collect()
     }
 
@@ -98,7 +134,6 @@ impl Run<'_> {
         place: usize,
         seen: &Seen,
         day: &Day,
-        shared: &SharedPose,
     ) -> CalibratedSet {
         let id = &self.loaded.field.ids()[row];
         let followed = &state.heliostats()[place];
@@ -115,10 +150,24 @@ impl Run<'_> {
         }
         let mut mount = self.mount(row);
         let parameters = known.parameters(mount.mirror_offset_m);
-        let (pose_errors, pose_sigmas_rad) = shared.with(&known);
-        mount.pose_errors = pose_errors;
         let covariance = seven(&known);
         let aim = self.loaded.field.heliostats()[row].aim;
+        let duty = Duty {
+            suns: &day.year,
+            aim,
+        };
+        let year_mrad = state.pointing_mrad(place, &mount, day.day, &duty);
+        let year_pointing_mrad = year_mrad.unwrap_or(f64::NAN);
+        let limit_mrad = self.args.fit.max_year_pointing_mrad;
+        let refused = (self.args.typed.contains(&"max_year_pointing_mrad")
+            && (year_pointing_mrad.is_nan() || year_pointing_mrad > limit_mrad))
+            .then(|| {
+                format!(
+                    "its pointing is uncertain by {year_pointing_mrad:.2} mrad over the year, more than the \
+                     {limit_mrad} of --max-year-pointing-mrad"
+                )
+            });
+        mount.pose_errors = known.pose_errors;
         let plane = TargetPlane::level(
             aim,
             EnuUnit::try_new(mount.pivot - aim).unwrap_or(EnuUnit::UP),
@@ -146,74 +195,35 @@ impl Run<'_> {
             .map(|foretold| foretold.expected_mrad().powi(2))
             .filter(|square| square.is_finite())
             .collect();
-        let root_mean = |sum: f64, count: usize| match count {
-            0 => f64::NAN,
-            count => (sum / count as f64).sqrt(),
-        };
+        let [beam_rms_mrad, rms_mrad, expected_mrad] = seen.rms_mrad();
+        let good = refused.is_none();
         CalibratedSet {
-            errors: Some(errors_as_written(&parameters.errors())),
-            pose_errors_rad: pose_errors.to_array().map(Some),
+            errors: good.then(|| errors_as_written(&parameters.errors())),
+            pose_errors_rad: known
+                .pose_errors
+                .to_array()
+                .map(|error| good.then_some(error)),
             sigmas: sigmas(&parameters, &covariance),
             covariance: Some(covariance),
-            beam_rms_mrad: root_mean(seen.squares, seen.count),
+            rms_mrad,
+            beam_rms_mrad,
+            year_pointing_mrad,
             observations: (followed.records - followed.outliers.min(followed.records)) as usize,
             rejected: followed.outliers as usize,
             observed_ns: seen.times,
             joint: Some(JointColumns {
-                pose_sigmas_rad,
+                pose_sigmas_rad: known.pose_sigmas_rad,
                 jumps: followed.jumps.len(),
                 zero_rad: last.zero_rad,
                 zero_sigma_rad: last.zero_sigma_rad,
                 foretold_mrad: root_mean(squares.iter().sum(), squares.len()),
+                expected_mrad,
             }),
-            ..CalibratedSet::without_result(id, OK, "")
-        }
-    }
-}
-
-/// Pose errors that all heliostats share, and where a heliostat's own stand among its values.
-struct SharedPose {
-    values: [(f64, f64); 3],
-    own: Vec<AxisCause>,
-}
-
-/// Which of the pose errors a cause is.
-fn number(cause: AxisCause) -> usize {
-    match cause {
-        AxisCause::Axis1Sag => 0,
-        AxisCause::Axis2Sag => 1,
-        AxisCause::Axis2Eccentricity => 2,
-    }
-}
-
-impl SharedPose {
-    fn of(state: &FieldState) -> Self {
-        let mut values = [(0.0, 0.0); 3];
-        let mut own = Vec::new();
-        for (cause, value, sigma) in state.causes() {
-            let Cause::Axis(cause) = cause else { continue };
-            let description = cause.description();
-            if description.expected_spread > 0.0 {
-                own.push(cause);
-            } else if sigma > HELD * description.expected {
-                values[number(cause)] = (value, sigma);
+            ..match &refused {
+                None => CalibratedSet::without_result(id, OK, ""),
+                Some(why) => CalibratedSet::without_result(id, "undetermined", why),
             }
         }
-        Self { values, own }
-    }
-
-    fn with(&self, known: &Known) -> (PoseErrors, [f64; 3]) {
-        let mut values = self.values;
-        let still = known.values.len();
-        for (k, &cause) in self.own.iter().enumerate() {
-            let k = still - self.own.len() + k;
-            let sigma = known.covariance[k * still + k].max(0.0).sqrt();
-            values[number(cause)] = (known.values[k], sigma);
-        }
-        (
-            PoseErrors::from_array(values.map(|v| v.0)),
-            values.map(|v| v.1),
-        )
     }
 }
 
@@ -237,28 +247,10 @@ fn sigmas(parameters: &Parameters, covariance: &[[f64; 7]; 7]) -> [f64; 7] {
         let k = parameter as usize;
         covariance[k][k].max(0.0).sqrt()
     };
-    let [x, y] = [Parameter::Tilt1, Parameter::Tilt2].map(|p| parameters.get(p));
-    let tilt = (x * x + y * y).sqrt();
-    let (cosine, sine) = if tilt > 0.0 {
-        (x / tilt, y / tilt)
-    } else {
-        (1.0, 0.0)
-    };
-    let deviation = |u: f64, w: f64| {
-        let c = covariance;
-        (u * u * c[0][0] + 2.0 * u * w * c[0][1] + w * w * c[1][1])
-            .max(0.0)
-            .sqrt()
-    };
-    let (along, across) = (deviation(cosine, sine), deviation(-sine, cosine));
-    let lean = if tilt > TILT_SIGMAS * along.max(across) {
-        across / tilt
-    } else {
-        f64::NAN
-    };
+    let (tilt, lean) = tilt_standard_error(parameters, covariance);
     [
-        along,
-        lean,
+        tilt,
+        lean.unwrap_or(f64::NAN),
         of(Parameter::AxisNonorthogonality),
         of(Parameter::MirrorTilt),
         of(Parameter::AzimuthReference),

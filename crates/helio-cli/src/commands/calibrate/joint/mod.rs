@@ -3,32 +3,104 @@
 mod batch;
 mod files;
 mod known;
+mod outputs;
+mod page;
 mod said;
 mod update;
 
 use helio_calib::joint::{Foretold, StepKind};
 use helio_calib::{CalibrationError, Mount};
+use helio_io::output::{Destination, Format};
 use helio_io::{AtomicFile, CalibratedSet, LoadedField, Observations, Provenance, format_time};
 
-use super::changes::median;
+use super::changes::{earlier, median};
+use super::proposals::Proposals;
 use super::resume::{hash_files, hash_text};
-use super::{OK, SAID, different_outputs};
+use super::{OK, SAID, different_outputs, report_file};
 use crate::Outcome;
 use crate::args::CalibrateArgs;
 use crate::failure::Failure;
 use crate::plan;
 use crate::printer::{Bytes, Counted, Grouped, Printer};
+use outputs::Written;
 
-/// Nanoseconds of a day.
-const DAY_NS: f64 = 86_400e9;
+/// A target that no cause belongs to, such as one that the state does not know.
+const NO_TARGET: usize = usize::MAX;
+
+/// Options of a fit heliostat by heliostat that the field as one has no use for, each with the reason.
+const NOT_AS_ONE: [(&str, &str); 8] = [
+    (
+        "solver",
+        "the field as one is filtered record by record, and there is one way to do that",
+    ),
+    (
+        "residual",
+        "the field as one makes the miss across the beam small, by the scatter that it finds",
+    ),
+    (
+        "robust",
+        "the field as one decides of each record whether it is believed, by those after it",
+    ),
+    (
+        "sets",
+        "in the field as one what changes over the day are causes in common, and what changes over days the zero points",
+    ),
+    (
+        "fit_mirror_offset",
+        "the field as one takes the mirror offset from the layout",
+    ),
+    (
+        "hold",
+        "in the field as one all six angles are found, few records leaning on those of all others",
+    ),
+    (
+        "prior",
+        "the field as one learns from all heliostats what is to be expected of one",
+    ),
+    (
+        "resume",
+        "the field as one is fitted in one piece, and nothing of it is finished before the end",
+    ),
+];
+
+/// Refuses options that make no sense here.
+fn refuse(args: &CalibrateArgs) -> Result<(), Failure> {
+    let way = if args.joint.joint {
+        "--joint"
+    } else {
+        "--update"
+    };
+    let refused = |id: &str, why: &str| {
+        let option = id.replace('_', "-");
+        Err(Failure::refused(format!("--{option} with {way}: {why}")))
+    };
+    for (id, why) in NOT_AS_ONE {
+        if args.typed.contains(&id) {
+            return refused(id, why);
+        }
+    }
+    for id in ["keep_all", "no_jumps"] {
+        if args.joint.update.is_some() && args.typed.contains(&id) {
+            return refused(
+                id,
+                "a state goes on as the --joint that began it was told to",
+            );
+        }
+    }
+    Ok(())
+}
 
 pub(super) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Failure> {
     let format = plan::format(args.out.out.as_deref(), args.out.format)?;
+    refuse(args)?;
     different_outputs(args)?;
-    for path in [&args.joint.causes, &args.joint.steps]
-        .into_iter()
-        .flatten()
-    {
+    let tables = [
+        &args.joint.causes,
+        &args.joint.steps,
+        &args.rejected,
+        &args.plan_out,
+    ];
+    for path in tables.into_iter().flatten() {
         plan::format(Some(path), None)?;
     }
     if args.joint.state.as_deref().is_some_and(plan::is_stdout) {
@@ -45,32 +117,51 @@ pub(super) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
     }
     let mut inputs = loaded.files.clone();
     inputs.push(args.observations.clone());
-    let outputs = [
-        &args.out.out,
-        &args.joint.causes,
-        &args.joint.steps,
-        &args.joint.state,
-    ];
+    inputs.extend(args.compare.clone());
+    let others = [&args.joint.state, &args.report];
     // The table's own place is looked at with its destination.
-    for path in outputs[1..].iter().copied().flatten() {
+    for path in tables.into_iter().chain(others).flatten() {
         plan::not_an_input(path, &inputs)?;
     }
     let destination = plan::destination(args.out.out.as_deref(), format, &inputs, printer)?;
-    let state = args.joint.update.iter();
-    for path in outputs.into_iter().flatten().chain(state) {
+    // What cannot be written is better known before a long run than after it.
+    let written = [&args.out.out, &args.joint.state, &args.joint.update];
+    for path in tables.into_iter().chain(written).flatten() {
         if !plan::is_stdout(path) {
             AtomicFile::check(path)?;
         }
     }
+    let asked = Asked {
+        proposals: Proposals::new(args, &loaded)?,
+        old: match &args.compare {
+            Some(path) => Some(earlier(path, &loaded)?),
+            None => None,
+        },
+        report: match &args.report {
+            Some(path) => Some(report_file(path)?),
+            None => None,
+        },
+        destination,
+        format,
+    };
     let run = Run {
         args,
         loaded,
         printer,
     };
     match &args.joint.update {
-        Some(state) => run.update(state, destination, format),
-        None => run.fit(destination, format),
+        Some(state) => run.update(state, asked),
+        None => run.fit(asked),
     }
+}
+
+/// What is to be written, opened before anything is fitted.
+struct Asked {
+    proposals: Option<Proposals>,
+    old: Option<Vec<CalibratedSet>>,
+    report: Option<AtomicFile>,
+    destination: Destination,
+    format: Format,
 }
 
 /// What both ways have in common.
@@ -87,6 +178,12 @@ struct Judged {
     observation: usize,
     foretold: Foretold,
     kind: StepKind,
+    /// Zero points after it less those at rest (of the heliostat as it was before the run, where it is followed)
+    /// \[rad\], and one standard deviation of them.
+    zero_rad: [f64; 2],
+    zero_sigma_rad: [f64; 2],
+    /// Whether the zero point of either axis is taken to have jumped before it.
+    jumped: [bool; 2],
     /// Only of records that were followed.
     alarm: Option<bool>,
 }
@@ -96,7 +193,7 @@ struct JumpFound {
     index: usize,
     unix_ns: Option<i64>,
     axis: usize,
-    /// What is known of the zero point after all records less that before them, where that is known.
+    /// What is known of the zero point after it (in a followed field after all records of the run) less that before.
     size_rad: Option<f64>,
     /// How far the beam of the first record after it was off.
     missed_mrad: Option<f64>,
@@ -185,7 +282,10 @@ impl Run<'_> {
             robust: "accounts".to_owned(),
             field_hash: hash_files(&self.loaded.files)?,
             observations_hash,
-            options_hash: hash_text(&format!("{:?}", self.args.joint.ahead)),
+            options_hash: hash_text(&format!(
+                "{:?} {} {}",
+                self.args.joint.ahead, self.args.fit.keep_all, self.args.fit.no_jumps
+            )),
         })
     }
 
@@ -237,7 +337,8 @@ impl Run<'_> {
     }
 
     /// The table in a line.
-    pub(super) fn say_table(&self, sets: &[CalibratedSet], bytes: u64) -> Outcome {
+    fn say_table(&self, written: &Written) -> Outcome {
+        let sets = &written.sets;
         let bad = sets.iter().filter(|set| set.status != OK).count();
         let foretold = sets
             .iter()
@@ -255,8 +356,11 @@ impl Run<'_> {
             "{}: {} ok{bad_words}{typical}; {}",
             Counted(sets.len(), "row"),
             Grouped((sets.len() - bad) as u64),
-            Bytes(bytes)
+            Bytes(written.bytes)
         ));
+        for change in &written.changes {
+            self.printer.say(format_args!("{change}"));
+        }
         if bad > 0 {
             Outcome::SomeRowsFailed
         } else {

@@ -1,14 +1,13 @@
 //! What a joint fit found, in words.
 
 use helio_calib::Parameter;
-use helio_calib::joint::{CommonCause, JointFit};
-use helio_io::Observations;
+use helio_calib::joint::{Cause, CommonCause, JointFit, Worth};
+use helio_core::TargetPlane;
 
 use super::Run;
-use super::files::target_of;
 
 /// A value in its unit for people: angles in mrad, lengths in cm.
-fn for_people(unit: &str) -> (f64, &str) {
+pub(super) fn for_people(unit: &str) -> (f64, &str) {
     match unit {
         "rad" => (1e3, "mrad"),
         "m" => (1e2, "cm"),
@@ -16,14 +15,23 @@ fn for_people(unit: &str) -> (f64, &str) {
     }
 }
 
-fn cause_words(cause: &CommonCause, observations: &Observations) -> String {
-    let description = cause.cause.description();
-    let (factor, unit) = for_people(description.unit);
-    let of = match target_of(cause.cause, observations) {
-        "" => String::new(),
-        name => format!(" `{name}`"),
+/// The name of the target that a cause belongs to, or nothing.
+pub(super) fn target_of(cause: Cause, targets: &[(String, TargetPlane)]) -> &str {
+    match cause {
+        Cause::TargetRight(k) | Cause::TargetDown(k) => {
+            targets.get(k).map_or("", |(name, _)| name.as_str())
+        }
+        Cause::Axis(_) | Cause::SunTime => "",
+    }
+}
+
+fn cause_words(cause: &CommonCause, worth: &Worth, targets: &[(String, TargetPlane)]) -> String {
+    let (factor, unit) = for_people(cause.cause.description().unit);
+    let words = cause.cause.description().in_words;
+    let what = match target_of(cause.cause, targets) {
+        "" => words.to_owned(),
+        name => format!("{words} `{name}`"),
     };
-    let what = format!("{}{of}", description.in_words);
     if !cause.admitted {
         return format!("{what}: not admitted, the records do not speak for it");
     }
@@ -33,18 +41,25 @@ fn cause_words(cause: &CommonCause, observations: &Observations) -> String {
         String::new()
     };
     format!(
-        "{what}: {:+.2} ± {:.2} {unit}{spread} (evidence {:.1} nats)",
+        "{what}: {:+.2} ± {:.2} {unit}{spread}; turns beams by {:.2} mrad, is worth {:.2} (evidence {:.1} nats)",
         factor * cause.value,
         factor * cause.sigma,
+        worth.turn_mrad,
+        worth.worth_mrad,
         cause.log_evidence
     )
 }
 
 impl Run<'_> {
-    pub(super) fn say_fit(&self, fit: &JointFit, observations: &Observations) {
+    pub(super) fn say_fit(
+        &self,
+        fit: &JointFit,
+        worth: &[Worth],
+        targets: &[(String, TargetPlane)],
+    ) {
         let printer = self.printer;
-        for cause in &fit.causes {
-            printer.say(format_args!("{}", cause_words(cause, observations)));
+        for (cause, worth) in fit.causes.iter().zip(worth) {
+            printer.say(format_args!("{}", cause_words(cause, worth, targets)));
         }
         let (noise, wander) = (&fit.noise, &fit.wander);
         printer.say(format_args!(

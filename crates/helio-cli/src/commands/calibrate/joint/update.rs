@@ -3,23 +3,19 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use helio_calib::joint::{FieldState, JumpSeen, Known, StepKind};
+use helio_calib::joint::{DAY_NS, FieldState, JumpSeen, Known, StepKind};
 use helio_calib::{Campaign, Observation, Parameter};
-use helio_io::output::{Destination, Format};
 use helio_io::{
-    KeptMount, Observations, StateFile, format_time, hash_file, read_state, write_calibration,
-    write_state,
+    KeptMount, Observations, StateFile, format_time, hash_file, read_state, write_state,
 };
 
 use super::known::Seen;
-use super::{DAY_NS, Judged, JumpFound, Run};
+use super::outputs::Found;
+use super::{Asked, Judged, JumpFound, NO_TARGET, Run};
 use crate::Outcome;
 use crate::commands::calibrate::SAID;
 use crate::failure::Failure;
 use crate::printer::{Bytes, Counted, Grouped};
-
-/// A target that the state does not know: none of its causes belongs to it.
-const NO_TARGET: usize = usize::MAX;
 
 /// New records of a heliostat.
 struct Fresh {
@@ -35,6 +31,8 @@ struct Fresh {
 struct Before {
     jumps: Vec<JumpSeen>,
     references_rad: [f64; 2],
+    /// The same at rest.
+    rest_rad: [f64; 2],
 }
 
 /// Both zero points \[rad\], their wandering included.
@@ -43,12 +41,7 @@ fn references(known: &Known) -> [f64; 2] {
 }
 
 impl Run<'_> {
-    pub(super) fn update(
-        &self,
-        path: &Path,
-        destination: Destination,
-        format: Format,
-    ) -> Result<Outcome, Failure> {
+    pub(super) fn update(&self, path: &Path, asked: Asked) -> Result<Outcome, Failure> {
         let printer = self.printer;
         let mut file = read_state(path)?;
         let mut rows = file.rows(path, &self.loaded)?;
@@ -72,11 +65,14 @@ impl Run<'_> {
             .iter()
             .map(|one| {
                 let followed = &state.heliostats()[one.place];
+                let known = state.known(one.place, followed.last_day.unwrap_or_default());
+                let references_rad = references(&known);
                 let before = Before {
                     jumps: followed.jumps.clone(),
-                    references_rad: references(
-                        &state.known(one.place, followed.last_day.unwrap_or_default()),
-                    ),
+                    references_rad,
+                    rest_rad: std::array::from_fn(|axis| {
+                        references_rad[axis] - known.zero_rad[axis]
+                    }),
                 };
                 (one.index, before)
             })
@@ -101,19 +97,25 @@ impl Run<'_> {
             let of_one = &mut seen[one.place];
             let times = || one.observations.iter().filter_map(|o| o.unix_ns);
             of_one.times = times().min().zip(times().max());
+            let before = &before[&one.index];
+            let mount = rows[one.place].map(|row| self.mount(row));
             for step in steps {
-                if step.kind == StepKind::Believed {
-                    of_one.add(step.foretold.beam_mrad());
+                if let (StepKind::Believed, Some(mount)) = (step.kind, &mount) {
+                    of_one.add(&step.foretold, mount, &one.observations[step.observation]);
                 }
                 judged.push(Judged {
                     index: one.index,
                     observation: one.of[step.observation],
                     foretold: step.foretold,
                     kind: step.kind,
+                    zero_rad: std::array::from_fn(|axis| {
+                        step.references_rad[axis] - before.rest_rad[axis]
+                    }),
+                    zero_sigma_rad: step.references_sigma_rad,
+                    jumped: [0, 1].map(|axis| step.kind == StepKind::Jump(axis)),
                     alarm: Some(step.alarm),
                 });
             }
-            let before = &before[&one.index];
             let after = &parts.heliostats[one.place];
             let last = state.known(one.place, after.last_day.unwrap_or_default());
             let certain = after
@@ -138,13 +140,19 @@ impl Run<'_> {
                 });
             }
         }
-        let day = self.day(&state)?;
-        let sets = self.sets(&state, &rows, &seen, &day);
-        let joint = &self.args.joint;
-        if let Some(path) = &joint.steps {
-            self.write_steps(path, &judged, &observations)?;
-        }
-        let bytes = write_calibration(destination, format, &sets, &provenance)?;
+        let found = Found {
+            state: &state,
+            rows: &rows,
+            seen: &seen,
+            causes: &state.causes(),
+            worth: None,
+            judged: &judged,
+            zeros: None,
+            observations: &observations,
+            targets: &file.targets,
+            provenance: &provenance,
+        };
+        let written = self.write(asked, &found)?;
         // The state goes last: where anything failed, the same records can be given again.
         let file = StateFile {
             parts,
@@ -152,7 +160,7 @@ impl Run<'_> {
             targets: file.targets,
             mounts: file.mounts,
         };
-        let state_bytes = write_state(joint.state.as_deref().unwrap_or(path), &file)?;
+        let state_bytes = write_state(self.args.joint.state.as_deref().unwrap_or(path), &file)?;
         self.say_judged(&observations, &judged, &jumps);
         self.say_alarms(&state, &observations, &judged);
         printer.say(format_args!(
@@ -160,7 +168,7 @@ impl Run<'_> {
             Counted(rows.len(), "heliostat"),
             Bytes(state_bytes)
         ));
-        Ok(self.say_table(&sets, bytes))
+        Ok(self.say_table(&written))
     }
 
     /// Adds the heliostats of the field that the state does not have.

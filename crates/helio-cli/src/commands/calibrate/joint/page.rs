@@ -1,0 +1,214 @@
+//! The page of a field calibrated as one, from what a run found.
+
+use std::collections::HashMap;
+
+use helio_calib::Parameter;
+use helio_calib::joint::{Scope, StepKind, ZeroPoint};
+use helio_io::LoadedField;
+use helio_report::joint::{
+    CauseLine, HeliostatLine, JointPage, NumberLine, RecordLine, jumped, tracks,
+};
+use rayon::prelude::*;
+
+use super::outputs::Found;
+use super::said::{for_people, target_of};
+use crate::calibration_page::{facts, made_at, site_name};
+
+/// Records that a page is given at most: of larger fields those of some heliostats, evenly chosen.
+const MOST_RECORDS: usize = 1_000_000;
+
+/// What a page is made of.
+pub(super) struct Source<'a> {
+    pub(super) loaded: &'a LoadedField,
+    pub(super) found: &'a Found<'a>,
+    pub(super) findings: Vec<String>,
+}
+
+impl Source<'_> {
+    pub(super) fn page(&self) -> JointPage {
+        let state = self.found.state;
+        let own = self.found.causes.iter();
+        let own = own.filter(|cause| cause.cause.description().scope == Scope::Heliostat);
+        let unknowns = Parameter::ALL[..6]
+            .iter()
+            .map(|parameter| parameter.in_words())
+            .chain(own.map(|cause| cause.cause.description().in_words))
+            .map(str::to_owned)
+            .collect();
+        let mrad = |values: Vec<f64>, factor: f64| values.into_iter().map(|x| factor * x).collect();
+        let mut page = JointPage {
+            followed: self.found.zeros.is_none(),
+            title: format!("{} as one", site_name(self.loaded)),
+            generated_utc: made_at(),
+            version: format!("helio-rs {}", self.found.provenance.version),
+            facts: facts(self.loaded, self.found.observations, self.found.provenance),
+            findings: self.findings.clone(),
+            causes: self.causes(),
+            noise: self.noise(),
+            unknowns,
+            mean_mrad: mrad(state.field_mean(), 1e3),
+            covariance_mrad2: mrad(state.field_covariance(), 1e6),
+            heliostats: self.heliostats(),
+        };
+        self.smooth(&mut page);
+        page
+    }
+
+    /// Zero points that the page shows, as all records tell them.
+    fn smooth(&self, page: &mut JointPage) {
+        let Some(zeros) = self.found.zeros else {
+            return;
+        };
+        let index_of: HashMap<&str, usize> = self
+            .found
+            .observations
+            .heliostats
+            .iter()
+            .enumerate()
+            .map(|(index, of)| (self.loaded.field.ids()[of.row].as_str(), index))
+            .collect();
+        let mut shown = tracks(page);
+        shown.extend(jumped(page));
+        shown.sort_unstable();
+        shown.dedup();
+        let found: Vec<(usize, Vec<ZeroPoint>)> = shown
+            .into_par_iter()
+            .filter_map(|line| {
+                let index = index_of.get(page.heliostats[line].id.as_str())?;
+                Some((line, zeros(*index)?))
+            })
+            .collect();
+        for (line, zeros) in found {
+            for (record, zero) in page.heliostats[line].records.iter_mut().zip(zeros) {
+                record.zero_mrad = zero.zero_rad.map(|x| 1e3 * x);
+                record.zero_sigma_mrad = zero.sigma_rad.map(|x| 1e3 * x);
+            }
+        }
+    }
+
+    fn causes(&self) -> Vec<CauseLine> {
+        let of = |k: usize| self.found.worth.and_then(|worth| worth.get(k));
+        self.found
+            .causes
+            .iter()
+            .enumerate()
+            .map(|(k, cause)| {
+                let description = cause.cause.description();
+                let (factor, unit) = for_people(description.unit);
+                let name = match target_of(cause.cause, self.found.targets) {
+                    "" => description.in_words.to_owned(),
+                    target => {
+                        let shift = description.in_words.replace(" of the target", "");
+                        format!("{target}: {shift}")
+                    }
+                };
+                CauseLine {
+                    name,
+                    scope: description.scope.as_str().to_owned(),
+                    unit: unit.to_owned(),
+                    value: factor * cause.value,
+                    sigma: factor * cause.sigma,
+                    spread: (description.scope == Scope::Heliostat)
+                        .then_some(factor * cause.spread),
+                    log_evidence: cause.log_evidence,
+                    admitted: cause.admitted,
+                    turn_mrad: of(k).map(|worth| worth.turn_mrad),
+                    worth_mrad: of(k).map(|worth| worth.worth_mrad),
+                }
+            })
+            .collect()
+    }
+
+    fn noise(&self) -> Vec<NumberLine> {
+        let (noise, wander) = (&self.found.state.noise, &self.found.state.wander);
+        [
+            (
+                "scatter across the beam, either component",
+                noise.beam_mrad,
+                "mrad",
+            ),
+            (
+                "scatter on the target, either component, of records without sigma_m",
+                1e2 * noise.spot_m,
+                "cm",
+            ),
+            (
+                "scatter of time, along the sun's path",
+                noise.sun_path_s,
+                "s",
+            ),
+            ("slow wander of axis 1", wander.slow_mrad[0], "mrad"),
+            ("slow wander of axis 2", wander.slow_mrad[1], "mrad"),
+            (
+                "slow wander is forgotten by a factor e in",
+                wander.slow_days,
+                "days",
+            ),
+            ("fast wander of axis 1", wander.fast_mrad[0], "mrad"),
+            ("fast wander of axis 2", wander.fast_mrad[1], "mrad"),
+            (
+                "fast wander is forgotten by a factor e in",
+                wander.fast_days,
+                "days",
+            ),
+        ]
+        .map(|(name, value, unit)| NumberLine {
+            name: name.to_owned(),
+            value,
+            unit: unit.to_owned(),
+        })
+        .to_vec()
+    }
+
+    fn heliostats(&self) -> Vec<HeliostatLine> {
+        let (found, observations) = (self.found, self.found.observations);
+        let mut of_row: Vec<Vec<RecordLine>> = vec![Vec::new(); self.loaded.field.len()];
+        let indices = observations.heliostats.len();
+        let every = found
+            .judged
+            .len()
+            .div_ceil(MOST_RECORDS)
+            .clamp(1, indices.max(1));
+        for one in found.judged.iter().filter(|one| one.index % every == 0) {
+            let of = &observations.heliostats[one.index];
+            let record = of.records[one.observation];
+            let place = observations.position(record);
+            let name = observations.record_id(record);
+            of_row[of.row].push(RecordLine {
+                label: name.map_or(place.clone(), |name| format!("{name} ({place})")),
+                unix_ns: of.observations[one.observation].unix_ns,
+                miss_mrad: one.foretold.miss_mrad,
+                covariance_mrad2: one.foretold.covariance_mrad2,
+                zero_mrad: one.zero_rad.map(|x| 1e3 * x),
+                zero_sigma_mrad: one.zero_sigma_rad.map(|x| 1e3 * x),
+                outlier: one.kind == StepKind::Outlier,
+                jumped: one.jumped,
+            });
+        }
+        let mut places: Vec<(usize, usize)> = found
+            .rows
+            .iter()
+            .enumerate()
+            .filter_map(|(place, row)| Some(((*row)?, place)))
+            .collect();
+        places.sort_unstable();
+        let mut lines: Vec<HeliostatLine> = places
+            .par_iter()
+            .map(|&(row, place)| {
+                let (values, sigmas) = found.state.at_rest(place);
+                let mrad = |x: Vec<f64>| x.into_iter().map(|x| 1e3 * x).collect();
+                HeliostatLine {
+                    id: self.loaded.field.ids()[row].clone(),
+                    observations: found.state.heliostats()[place].records as usize,
+                    values_mrad: mrad(values),
+                    sigmas_mrad: mrad(sigmas),
+                    records: Vec::new(),
+                }
+            })
+            .collect();
+        for (line, (row, _)) in lines.iter_mut().zip(&places) {
+            line.records = std::mem::take(&mut of_row[*row]);
+        }
+        lines
+    }
+}
