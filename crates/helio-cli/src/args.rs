@@ -178,6 +178,10 @@ pub(crate) struct TrackArgs {
     /// the column beam_error_mrad
     #[arg(long)]
     pub(crate) verify: bool,
+    /// Correct by what calibrate --joint --leftovers wrote along with the field's calibration: adds the
+    /// corrections and one standard deviation of what then is still wrong, per axis
+    #[arg(long, value_name = "FILE")]
+    pub(crate) leftovers: Option<PathBuf>,
     /// Draw the field from above (at the highest of several suns) and, for several suns, angle
     /// curves; .svg or .html
     #[arg(long, value_name = "FILE")]
@@ -325,6 +329,15 @@ pub(crate) struct JointArgs {
     /// File with a row for each record: how its spot was foretold, and what became of it
     #[arg(long, value_name = "FILE", requires = "as_one")]
     pub(crate) steps: Option<PathBuf>,
+    /// File for what is left of the misses as a smooth function of the pose, which track --leftovers takes; looked
+    /// for only if asked
+    #[arg(
+        long,
+        value_name = "FILE",
+        requires = "joint",
+        conflicts_with = "update"
+    )]
+    pub(crate) leftovers: Option<PathBuf>,
     /// Days after the last record of the field that the rows are for
     #[arg(long, value_name = "DAYS", default_value = "1", requires = "as_one", value_parser = days)]
     pub(crate) ahead: f64,

@@ -796,6 +796,10 @@ pub(crate) static TRACKED: &[&str] = &[
     "limit_excess_deg",
     "axis1_steps",
     "axis2_steps",
+    "leftover_axis1_mrad",
+    "leftover_axis2_mrad",
+    "sigma_axis1_mrad",
+    "sigma_axis2_mrad",
     "beam_error_mrad",
     "status",
 ];

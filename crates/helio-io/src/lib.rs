@@ -22,6 +22,7 @@ mod field;
 mod finished;
 mod hash;
 mod keys;
+mod leftovers;
 mod observations;
 pub mod output;
 mod schema;
@@ -43,6 +44,7 @@ pub use field::{
 };
 pub use finished::Finished;
 pub use hash::{Sha256, hash_file};
+pub use leftovers::{load_leftovers, write_leftovers};
 pub use observations::{
     HeliostatObservations, LeftAside, LeftAsideReason, Observations, load_observations,
 };

@@ -102,6 +102,18 @@ impl Total {
         }
     }
 
+    /// As if a heliostat had no records.
+    pub fn leave_out(&mut self, lane: usize) {
+        for values in self.matrix.iter_mut().chain(&mut self.vector) {
+            values[lane] = 0.0;
+        }
+        self.square[lane] = 0.0;
+        for values in &mut self.determinants {
+            self.log_determinant -= libm::log(values[lane]);
+            values[lane] = 1.0;
+        }
+    }
+
     pub fn add(&mut self, other: &Self) {
         let add = |to: &mut [Eight], from: &[Eight]| {
             for (a, b) in to.as_flattened_mut().iter_mut().zip(from.as_flattened()) {
@@ -789,6 +801,21 @@ fn by_means<L: Lanes>(
 }
 
 impl Beliefs {
+    /// Takes what is known of a heliostat from others.
+    pub fn take(&mut self, lane: usize, from: &Self, of: usize) {
+        let pairs = [
+            (&mut self.mean, &from.mean),
+            (&mut self.gain, &from.gain),
+            (&mut self.spread, &from.spread),
+        ];
+        for (to, from) in pairs {
+            for (to, from) in to.iter_mut().zip(from) {
+                to[lane] = from[of];
+            }
+        }
+        self.farthest[lane] = from.farthest[of];
+    }
+
     /// Of one of the heliostats.
     pub fn belief(&self, shape: Shape, lane: usize) -> Belief<f64> {
         let of = |values: &[Eight]| values.iter().map(|v| v[lane]).collect::<Vec<f64>>();

@@ -172,7 +172,7 @@ const BEGIN_WITHIN_RAD: f64 = 0.5;
 const DECIDED_WITHIN_RAD: f64 = 0.01;
 /// A record farther than this from what was expected (chi-squared, two degrees of freedom) has the
 /// heliostat's records judged.
-const JUDGED: f64 = 20.0;
+const JUDGED: f64 = 16.0;
 /// The same where it is held against the heliostat's own fit.
 const CLEARLY: f64 = 30.0;
 /// What holds a cause that is not admitted to zero, in its expected size.
@@ -489,41 +489,7 @@ impl<'a> Work<'a> {
             .order
             .par_chunks(CHUNK * BLOCK)
             .map_init(Group::default, |group, heliostats| {
-                let mut total = Total::nothing(work.shape);
-                let mut found = Decided::new();
-                let known = heliostats
-                    .chunks(BLOCK)
-                    .map(|members| {
-                        work.linearise(group, members, places);
-                        let last = group.last_beyond(work.shape, &prior, CLEARLY);
-                        for (lane, k) in members.iter().enumerate() {
-                            if let Some(marks) = before.get(k) {
-                                group.mark(work.shape, lane, marks, work.options.mishaps.jump_mrad);
-                            } else if let Some(last) = last[lane] {
-                                // most of those that the filter would find, before it has to run twice
-                                found.insert(*k, work.judge(group, lane, *k, last));
-                            }
-                        }
-                        let mut known = Beliefs::default();
-                        let mut of_group = group.filter(work.level, &prior, &mut known);
-                        let mut again = false;
-                        for (lane, k) in members.iter().enumerate() {
-                            if known.farthest[lane] > JUDGED
-                                && !before.contains_key(k)
-                                && !found.contains_key(k)
-                            {
-                                found.insert(*k, work.judge(group, lane, *k, usize::MAX));
-                                again = true;
-                            }
-                        }
-                        if again {
-                            of_group = group.filter(work.level, &prior, &mut known);
-                        }
-                        total.add(&of_group);
-                        known
-                    })
-                    .collect();
-                (known, found, total)
+                work.believe_some(group, heliostats, places, &prior, before)
             })
             .collect();
         let mut total = Total::nothing(self.shape);
@@ -536,6 +502,60 @@ impl<'a> Work<'a> {
         self.told = total.sum(self.shape, &self.common.mean);
         self.meet_all();
         known
+    }
+
+    /// What is known of some heliostats, eight by eight; what was newly decided about records; what they tell.
+    fn believe_some(
+        &self,
+        group: &mut Group,
+        heliostats: &[usize],
+        places: &Places,
+        prior: &Prior<'_>,
+        before: &Decided,
+    ) -> (Vec<Beliefs>, Decided, Total) {
+        let jump_mrad = self.options.mishaps.jump_mrad;
+        let mut total = Total::nothing(self.shape);
+        let mut found = Decided::new();
+        let mut all = Vec::with_capacity(heliostats.len().div_ceil(BLOCK));
+        let mut unexpected = Vec::new();
+        for (n, members) in heliostats.chunks(BLOCK).enumerate() {
+            self.linearise(group, members, places);
+            let last = group.last_beyond(self.shape, prior, CLEARLY);
+            for (lane, k) in members.iter().enumerate() {
+                if let Some(marks) = before.get(k) {
+                    group.mark(self.shape, lane, marks, jump_mrad);
+                } else if let Some(last) = last[lane] {
+                    // most of those that the filter would find, before it has to run twice
+                    found.insert(*k, self.judge(group, lane, *k, last));
+                }
+            }
+            let mut known = Beliefs::default();
+            let mut of_group = group.filter(self.level, prior, &mut known);
+            for (lane, k) in members.iter().enumerate() {
+                let decided = before.contains_key(k) || found.contains_key(k);
+                if known.farthest[lane] > JUDGED && !decided {
+                    found.insert(*k, self.judge(group, lane, *k, usize::MAX));
+                    of_group.leave_out(lane);
+                    unexpected.push(n * BLOCK + lane);
+                }
+            }
+            total.add(&of_group);
+            all.push(known);
+        }
+        // those once more, side by side
+        for some in unexpected.chunks(BLOCK) {
+            let members: Vec<usize> = some.iter().map(|&n| heliostats[n]).collect();
+            self.linearise(group, &members, places);
+            for (lane, k) in members.iter().enumerate() {
+                group.mark(self.shape, lane, &found[k], jump_mrad);
+            }
+            let mut again = Beliefs::default();
+            total.add(&group.filter(self.level, prior, &mut again));
+            for (lane, &n) in some.iter().enumerate() {
+                all[n / BLOCK].take(n % BLOCK, &again, lane);
+            }
+        }
+        (all, found, total)
     }
 
     fn meet_all(&mut self) {

@@ -1,12 +1,17 @@
 //! `track`: axis angles of every heliostat for each sun.
 
 use std::borrow::Cow;
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use helio_calib::joint::Leftover;
+use helio_calib::{Mount, Parameters};
 use helio_core::drive::Drive;
-use helio_core::{EnuUnit, Field, Present, Status, TargetPlane, TrackOptions, Tracker, Tracking};
+use helio_core::{
+    AxisLimits, EnuUnit, Field, Present, Status, TargetPlane, TrackOptions, Tracker, Tracking,
+};
 use helio_io::output::{Layout, Number, Rows, Scale};
-use helio_io::{CalibrationSchedule, LoadedField, PresentAngles, load_present};
+use helio_io::{CalibrationSchedule, LoadedField, PresentAngles, load_leftovers, load_present};
 use rayon::prelude::*;
 
 use crate::Outcome;
@@ -38,6 +43,11 @@ pub(crate) fn run(args: &TrackArgs, printer: &Printer) -> Result<Outcome, Failur
     let mut inputs = loaded.files.clone();
     inputs.extend(args.present.clone());
     inputs.extend(args.suns.clone());
+    inputs.extend(args.leftovers.clone());
+    let leftovers = match &args.leftovers {
+        Some(path) => Some(Leftovers::load(path, &loaded, printer)?),
+        None => None,
+    };
     let mut plot = match &args.plot {
         Some(path) => {
             let ids = args.plot_heliostats.as_deref();
@@ -53,7 +63,7 @@ pub(crate) fn run(args: &TrackArgs, printer: &Printer) -> Result<Outcome, Failur
         }
         None => None,
     };
-    let layout = layout(&loaded, suns.moment(), args.verify);
+    let layout = layout(&loaded, suns.moment(), leftovers.is_some(), args.verify);
     let per_block = layout.suns_per_block(format);
     let mut writer = plan::writer(&args.out, format, layout, &inputs, printer)?;
 
@@ -67,7 +77,15 @@ pub(crate) fn run(args: &TrackArgs, printer: &Printer) -> Result<Outcome, Failur
             printer.say(format_args!("sun at {}", block.describe(0)));
         }
         run.track(&block)?;
-        let answers = run.answers();
+        let mut answers = run.answers();
+        let corrected = leftovers.as_ref().map(|l| l.correct(&answers));
+        if let Some([axis1_rad, axis2_rad, ..]) = &corrected {
+            answers = Answers {
+                axis1_rad,
+                axis2_rad,
+                ..answers
+            };
+        }
         // What the drives and the way back say of rows that the angles alone would call good.
         let mut status = Cow::Borrowed(answers.status);
         let mut steps = None;
@@ -81,7 +99,9 @@ pub(crate) fn run(args: &TrackArgs, printer: &Printer) -> Result<Outcome, Failur
         }
         let mut errors = None;
         if args.verify {
-            errors = Some(verified.verify(&run, &loaded, &block, &answers, status.to_mut())?);
+            let turns = corrected.as_ref().map(|[_, _, turns @ .., _, _]| turns);
+            errors =
+                Some(verified.verify(&run, &loaded, &block, (&answers, turns), status.to_mut())?);
         }
         let mut excess_rad = Cow::Borrowed(answers.limit_excess_rad);
         if let Cow::Owned(status) = &status {
@@ -103,6 +123,7 @@ pub(crate) fn run(args: &TrackArgs, printer: &Printer) -> Result<Outcome, Failur
             &*excess_rad,
         ];
         columns.extend(steps.iter().flatten().map(Vec::as_slice));
+        columns.extend(corrected.iter().flat_map(|c| &c[2..]).map(Vec::as_slice));
         columns.extend(errors.as_deref());
         tally.add(answers.status);
         if let Some(plot) = &mut plot {
@@ -146,7 +167,12 @@ pub(crate) fn run(args: &TrackArgs, printer: &Printer) -> Result<Outcome, Failur
     })
 }
 
-fn layout(loaded: &LoadedField, moment: helio_io::output::Moment, verify: bool) -> Layout {
+fn layout(
+    loaded: &LoadedField,
+    moment: helio_io::output::Moment,
+    leftovers: bool,
+    verify: bool,
+) -> Layout {
     let mut numbers = vec![
         Number::degrees("azimuth_deg"),
         Number::degrees("elevation_deg"),
@@ -157,6 +183,17 @@ fn layout(loaded: &LoadedField, moment: helio_io::output::Moment, verify: bool) 
     if loaded.has_drives() {
         numbers.push(Number::new("axis1_steps", Scale::Whole));
         numbers.push(Number::new("axis2_steps", Scale::Whole));
+    }
+    if leftovers {
+        numbers.extend(
+            [
+                "leftover_axis1_mrad",
+                "leftover_axis2_mrad",
+                "sigma_axis1_mrad",
+                "sigma_axis2_mrad",
+            ]
+            .map(|name| Number::new(name, Scale::Milliradians)),
+        );
     }
     if verify {
         numbers.push(Number::new("beam_error_mrad", Scale::Milliradians));
@@ -202,6 +239,111 @@ impl<'a> From<&'a Tracking> for Answers<'a> {
             limit_excess_rad: tracking.limit_excess_rad(),
             status: tracking.status(),
         }
+    }
+}
+
+/// What is left by pose, heliostat by heliostat.
+struct Leftovers {
+    of: Vec<Option<Known>>,
+}
+
+/// A heliostat whose leftovers are known.
+struct Known {
+    leftover: Leftover,
+    mount: Mount,
+    parameters: Parameters,
+    limits: AxisLimits,
+}
+
+/// Angles that differ by more than this are not those that leftovers were written for \[rad\].
+const SAME_RAD: f64 = 1e-9;
+
+impl Leftovers {
+    fn load(path: &Path, loaded: &LoadedField, printer: &Printer) -> Result<Self, Failure> {
+        if loaded.schedule.is_some() {
+            return Err(Failure::refused(format!(
+                "--leftovers: {} belongs to one calibration, and that of the field changes with the hour or the date",
+                path.display()
+            )));
+        }
+        let field = &loaded.field;
+        let mut others = 0;
+        let mut first = None;
+        let mut of = Vec::with_capacity(field.len());
+        for (row, leftover) in load_leftovers(path, field)?.into_iter().enumerate() {
+            let heliostat = &field.heliostats()[row];
+            let parameters = Parameters::new(&heliostat.errors, heliostat.mirror_offset_m);
+            let known = leftover.map(|leftover| {
+                let wanted = leftover.parts().angles_rad;
+                let mut pairs = wanted.iter().zip(&parameters.values);
+                if pairs.any(|(a, b)| (a - b).abs() > SAME_RAD) {
+                    others += 1;
+                    first.get_or_insert(row);
+                }
+                Known {
+                    leftover,
+                    mount: Mount::of(field.mode(), heliostat),
+                    parameters,
+                    limits: heliostat.limits,
+                }
+            });
+            of.push(known);
+        }
+        if let Some(first) = first {
+            printer.warn(format_args!(
+                "{}: {} now of another calibration than these leftovers were written for (first `{}`); write them \
+                 anew with calibrate --joint",
+                path.display(),
+                match others {
+                    1 => "1 heliostat is".to_owned(),
+                    others => format!("{} heliostats are", Grouped(others)),
+                },
+                field.ids()[first]
+            ));
+        }
+        Ok(Self { of })
+    }
+
+    /// Angles of both axes, the corrections that are in them, and one standard deviation of what is still wrong, of
+    /// every row \[rad\]. Limits are kept: a correction ends at them.
+    fn correct(&self, answers: &Answers<'_>) -> [Vec<f64>; 6] {
+        let rows: Vec<[f64; 6]> = (0..answers.status.len())
+            .into_par_iter()
+            .map(|row| {
+                let [one, two] = [answers.axis1_rad[row], answers.axis2_rad[row]];
+                match &self.of[row % self.of.len()] {
+                    Some(known) if answers.status[row] == Status::Ok => known.correct(one, two),
+                    _ => [one, two, f64::NAN, f64::NAN, f64::NAN, f64::NAN],
+                }
+            })
+            .collect();
+        std::array::from_fn(|k| rows.iter().map(|row| row[k]).collect())
+    }
+}
+
+impl Known {
+    fn correct(&self, axis1_rad: f64, axis2_rad: f64) -> [f64; 6] {
+        let turn = self.leftover.turn_rad(axis1_rad, axis2_rad);
+        let limits = &self.limits;
+        let corrected = [
+            (axis1_rad + turn[0])
+                .max(limits.axis1_min_rad)
+                .min(limits.axis1_max_rad),
+            (axis2_rad + turn[1])
+                .max(limits.axis2_min_rad)
+                .min(limits.axis2_max_rad),
+        ];
+        let sigma = self
+            .leftover
+            .sigma_rad(&self.mount, &self.parameters, axis1_rad, axis2_rad);
+        [
+            corrected[0],
+            corrected[1],
+            corrected[0] - axis1_rad,
+            corrected[1] - axis2_rad,
+            sigma[0],
+            sigma[1],
+        ]
     }
 }
 
@@ -415,20 +557,28 @@ impl Verified {
         run: &Run<'_>,
         loaded: &LoadedField,
         block: &SunBlock,
-        answers: &Answers<'_>,
+        (answers, turns): (&Answers<'_>, Option<&[Vec<f64>; 2]>),
         status: &mut [Status],
     ) -> Result<Vec<f64>, Failure> {
         let n = loaded.field.len();
         if self.planes.is_empty() {
             self.planes = (0..n).map(|row| loaded.plane_for(row)).collect();
         }
-        let [axis1_rad, axis2_rad] = [0, 1].map(|axis| {
+        let [mut axis1_rad, mut axis2_rad] = [0, 1].map(|axis| {
             let angles = [answers.axis1_rad, answers.axis2_rad][axis];
             by_row(loaded, angles, |drives, angle| match &drives[axis] {
                 Some(drive) => drive.quantised_rad(angle),
                 None => Some(angle),
             })
         });
+        if let Some(turns) = turns {
+            // followed back through the angles alone, a correction would look like an error
+            for (angles, turns) in [&mut axis1_rad, &mut axis2_rad].into_iter().zip(turns) {
+                for (angle, turn) in angles.iter_mut().zip(turns) {
+                    *angle -= if turn.is_nan() { 0.0 } else { *turn };
+                }
+            }
+        }
         let mut errors = Vec::with_capacity(answers.status.len());
         let mut prediction = helio_core::tracking::Prediction::default();
         // A calibration that changes has left the tracker at the last sun of the block.

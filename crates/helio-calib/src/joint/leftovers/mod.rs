@@ -497,6 +497,20 @@ impl JointFit {
     ///
     /// # Errors
     /// [`CalibrationError::BadOption`] for another number of campaigns, and where an option makes no sense.
+    ///
+    /// ```
+    /// use helio_calib::joint::simulate::{FieldOptions, simulate_field};
+    /// use helio_calib::joint::{JointOptions, LeftoverOptions, fit_joint};
+    /// let options = FieldOptions { heliostats: 6, records: 20, ..FieldOptions::new(1)? };
+    /// let field = simulate_field(&options)?;
+    /// let campaigns = field.first(20);
+    /// let fit = fit_joint(&campaigns, &JointOptions::new(options.site.latitude_rad()))?;
+    /// let leftovers = fit.leftovers(&campaigns, &LeftoverOptions::default())?;
+    /// // there is nothing in this field that the angles do not explain
+    /// assert!(!leftovers.admitted);
+    /// assert_eq!(leftovers.heliostats[0].turn_rad(3.0, 0.5), [0.0, 0.0]);
+    /// # Ok::<(), helio_calib::CalibrationError>(())
+    /// ```
     pub fn leftovers(
         &self,
         campaigns: &[Campaign<'_>],

@@ -210,6 +210,7 @@ fn different_outputs(args: &CalibrateArgs) -> Result<(), Failure> {
         ("--plan-out", args.plan_out.as_deref()),
         ("--causes", args.joint.causes.as_deref()),
         ("--steps", args.joint.steps.as_deref()),
+        ("--leftovers", args.joint.leftovers.as_deref()),
         ("--state", args.joint.state.as_deref()),
         ("--update", args.joint.update.as_deref()),
     ];
@@ -224,6 +225,7 @@ fn different_outputs(args: &CalibrateArgs) -> Result<(), Failure> {
         ("--rejected", printed(&args.rejected)),
         ("--causes", printed(&args.joint.causes)),
         ("--steps", printed(&args.joint.steps)),
+        ("--leftovers", printed(&args.joint.leftovers)),
         (
             "--plan-out (which is standard output where it is not given)",
             printed(&args.plan_out) || proposals,

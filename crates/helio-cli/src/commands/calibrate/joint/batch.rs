@@ -64,6 +64,10 @@ impl Run<'_> {
             targets: &observations.targets,
             provenance: &provenance,
         };
+        if let Some(path) = &self.args.joint.leftovers {
+            let day = self.day(&state)?;
+            self.leftovers(path, &fit, &campaigns, &observations, &day)?;
+        }
         let written = self.write(asked, &found)?;
         if let Some(path) = &self.args.joint.state {
             let file = StateFile {

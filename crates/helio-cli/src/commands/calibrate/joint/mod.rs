@@ -3,6 +3,7 @@
 mod batch;
 mod files;
 mod known;
+mod leftovers;
 mod outputs;
 mod page;
 mod said;
@@ -97,11 +98,15 @@ pub(super) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
     let tables = [
         &args.joint.causes,
         &args.joint.steps,
+        &args.joint.leftovers,
         &args.rejected,
         &args.plan_out,
     ];
     for path in tables.into_iter().flatten() {
         plan::format(Some(path), None)?;
+    }
+    if let Some(path) = &args.joint.leftovers {
+        leftovers::format(path)?;
     }
     if args.joint.state.as_deref().is_some_and(plan::is_stdout) {
         return Err(Failure::refused(
