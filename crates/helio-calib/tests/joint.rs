@@ -5,10 +5,13 @@
 
 use std::f64::consts::FRAC_PI_2;
 
+use helio_calib::Campaign;
 use helio_calib::joint::simulate::{
-    FieldCauses, FieldOptions, SimulatedField, simulate_field, uncorrelated,
+    FieldCauses, FieldOptions, RecordTruth, SimulatedField, simulate_field, uncorrelated,
 };
-use helio_calib::joint::{AxisCause, Cause, JointFit, JointOptions, JumpSeen, fit_joint};
+use helio_calib::joint::{
+    AxisCause, Cause, FieldState, Foretold, JointFit, JointOptions, JumpSeen, Step, fit_joint,
+};
 use helio_calib::simulate::Aiming;
 use helio_core::{PoseErrors, TrackingMode};
 
@@ -95,8 +98,12 @@ impl NextDay {
     fn add(&mut self, field: &SimulatedField, fit: &JointFit, k: usize, from: usize) {
         let heliostat = &field.heliostats[k];
         let foretold = fit.foretell(k, &heliostat.after(from));
+        self.count(&foretold, &heliostat.truth[from..]);
+    }
+
+    fn count(&mut self, foretold: &[Foretold], truth: &[RecordTruth]) {
         let mut jumped = false;
-        for (foretold, truth) in foretold.iter().zip(&heliostat.truth[from..]) {
+        for (foretold, truth) in foretold.iter().zip(truth) {
             jumped |= truth.jump.is_some();
             if truth.outlier || jumped {
                 self.apart += 1;
@@ -461,6 +468,121 @@ fn days_ahead_are_as_stated_where_causes_are_in_common() {
         "{}",
         next_day.covered()
     );
+}
+
+// ------------------------------------------------------------------------------------------------ following
+
+/// Fits the first `fitted` records of each heliostat, then follows the rest, `at_once` at a time.
+fn follow(
+    field: &SimulatedField,
+    how: &JointOptions,
+    fitted: usize,
+    records: usize,
+    at_once: usize,
+) -> (FieldState, Vec<Vec<Step>>) {
+    let fit = fit_joint(&field.first(fitted), how).unwrap();
+    let ids: Vec<String> = (0..field.heliostats.len()).map(|k| k.to_string()).collect();
+    let mut state = fit.follow(&ids).unwrap();
+    let mut steps = vec![Vec::new(); ids.len()];
+    for from in (fitted..records).step_by(at_once) {
+        let campaigns: Vec<(usize, Campaign<'_>)> = field
+            .heliostats
+            .iter()
+            .map(|h| Campaign {
+                mount: h.mount,
+                observations: &h.observations[from..(from + at_once).min(records)],
+            })
+            .enumerate()
+            .collect();
+        for (steps, new) in steps.iter_mut().zip(state.update(&campaigns).unwrap()) {
+            steps.extend(new);
+        }
+    }
+    (state, steps)
+}
+
+/// Among outliers and jumps: what following foretells of the next day is as stated, and near to what a fit of
+/// all records foretells.
+#[test]
+fn following_foretells_what_fitting_all_does() {
+    let mut next_day = NextDay::default();
+    let mut refit = NextDay::default();
+    let mut apart = Vec::new();
+    for seed in 11..=14 {
+        let options = FieldOptions {
+            records: 60,
+            next_day_records: 4,
+            jump_probability: 0.005,
+            outlier_probability: 0.02,
+            ..base(seed)
+        };
+        let field = simulate_field(&options).unwrap();
+        let how = no_causes(&options);
+        let (state, _) = follow(&field, &how, 30, options.records, 10);
+        let fit = fit_joint(&field.first(options.records), &how).unwrap();
+        for (k, heliostat) in field.heliostats.iter().enumerate() {
+            let later = heliostat.after(options.records);
+            let followed = state.foretell(k, &later);
+            next_day.count(&followed, &heliostat.truth[options.records..]);
+            refit.add(&field, &fit, k, options.records);
+            for (a, b) in followed.iter().zip(fit.foretell(k, &later)) {
+                let between = f64::hypot(
+                    a.miss_mrad[0] - b.miss_mrad[0],
+                    a.miss_mrad[1] - b.miss_mrad[1],
+                );
+                apart.push(between / b.expected_mrad());
+            }
+        }
+    }
+    next_day.report("followed");
+    refit.report("fitted anew");
+    apart.sort_by(f64::total_cmp);
+    let median = apart[apart.len() / 2];
+    println!(
+        "the two apart, in expected misses: median {median:.2}, 95 % within {:.2}, rms {:.2}",
+        apart[apart.len() * 95 / 100],
+        rms(&apart)
+    );
+    assert!((0.93..0.97).contains(&next_day.covered()));
+    assert!(rms(&next_day.misses_mrad) < 1.1 * rms(&refit.misses_mrad));
+    assert!(median < 0.25, "{median}");
+}
+
+/// Where every heliostat does what the model says, one record in a thousand raises an alarm, as stated.
+#[test]
+fn alarms_are_as_rare_as_stated_and_drifts_raise_them() {
+    let (mut records, mut alarms, mut drifting, mut raised) = (0, 0, 0, 0);
+    for seed in 21..=26 {
+        let options = FieldOptions {
+            records: 120,
+            ..base(seed)
+        };
+        let mut field = simulate_field(&options).unwrap();
+        let how = no_causes(&options);
+        let (_, steps) = follow(&field, &how, 40, options.records, 20);
+        for step in steps.iter().flatten() {
+            records += 1;
+            alarms += usize::from(step.alarm);
+        }
+        // an encoder that loses 0.2 mrad a record, after 40 records of the following
+        for heliostat in &mut field.heliostats {
+            for (n, observation) in heliostat.observations.iter_mut().skip(80).enumerate() {
+                observation.axis2_rad += 2e-4 * (n + 1) as f64;
+            }
+        }
+        let (_, steps) = follow(&field, &how, 40, options.records, 20);
+        for steps in &steps {
+            drifting += 1;
+            raised += usize::from(steps[40..].iter().any(|s| s.alarm));
+        }
+    }
+    let rate = 1e3 * alarms as f64 / records as f64;
+    println!(
+        "{alarms} false alarms in {records} records ({rate:.2} of 1000, stated 1); a drift of 8 mrad over 40 records \
+         raised one in {raised} of {drifting} heliostats"
+    );
+    assert!((0.2..2.5).contains(&rate), "{rate}");
+    assert!(raised * 10 > drifting * 9, "{raised} of {drifting}");
 }
 
 // ------------------------------------------------------------------------------------------------ few records
