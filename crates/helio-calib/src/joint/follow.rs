@@ -201,7 +201,8 @@ impl JointFit {
         let heliostats = ids
             .iter()
             .zip(&self.heliostats)
-            .map(|(id, posterior)| Followed {
+            .enumerate()
+            .map(|(k, (id, posterior))| Followed {
                 id: id.clone(),
                 last_day: posterior.last_day,
                 records: posterior.records as u64,
@@ -209,7 +210,7 @@ impl JointFit {
                 jumps: last_jumps(posterior.jumps.iter().map(|(_, jump)| *jump).collect()),
                 drift: [0.0; 2],
                 drift_variance: 0.0,
-                accounts: vec![Account::new(posterior.belief.clone())],
+                accounts: vec![Account::new(self.belief(k))],
                 undecided: Vec::new(),
             })
             .collect();

@@ -212,8 +212,8 @@ impl JointFit {
     pub fn foretell(&self, k: usize, campaign: &Campaign<'_>) -> Vec<Foretold> {
         let posterior = &self.heliostats[k];
         let rows = self.rows(k, campaign);
-        let (belief, last) = (&posterior.belief, posterior.last_day);
-        later(belief, last, &rows, &self.hyper.rates(), &self.common)
+        let (belief, last) = (self.belief(k), posterior.last_day);
+        later(&belief, last, &rows, &self.hyper.rates(), &self.common)
     }
 
     /// How the records of heliostat `k` that the fit used (the same campaign) had each been foretold from those

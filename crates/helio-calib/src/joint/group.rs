@@ -57,7 +57,6 @@ const TOGETHER: usize = 8;
 /// Room for eight heliostats, used again and again.
 #[derive(Debug, Default)]
 pub(super) struct Group {
-    given: Vec<Columns<{ given::COUNT }>>,
     /// As [`column`] says, record after record.
     rows: Vec<Eight>,
     mount: Vec<Eight>,
@@ -71,7 +70,7 @@ pub(super) struct Group {
 }
 
 /// What is known of eight heliostats after their records, as [`Belief`] has it.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Beliefs {
     pub mean: Vec<Eight>,
     pub gain: Vec<Eight>,
@@ -188,29 +187,23 @@ fn inverse(n: usize, triangle: &[f64]) -> Option<Vec<f64>> {
 }
 
 impl Group {
-    /// Takes heliostats and where the formula is made linear for each.
-    pub fn fill<'a>(
+    /// Takes heliostats, and linearises their records where it is to be for each.
+    pub fn linearise<'a>(
         &mut self,
+        level: SimdLevel,
         structure: &Structure,
+        shared: &[f64],
         heliostats: impl ExactSizeIterator<Item = (&'a Campaign<'a>, &'a [f64])> + Clone,
         pole: Enu,
     ) {
         let still = structure.shape().still;
         let zero = [0.0; BLOCK];
-        self.length = heliostats
-            .clone()
-            .map(|(campaign, _)| campaign.observations.len())
-            .max()
-            .unwrap_or(0);
-        self.given.clear();
-        self.given
-            .resize(self.length, Columns([zero; given::COUNT]));
         self.mount.clear();
         self.mount.resize(MOUNT, zero);
         self.still.clear();
         self.still.resize(still + 1, zero);
         self.taken = zero;
-        let count = heliostats.len();
+        let mut sources: Vec<Source<'_>> = Vec::with_capacity(BLOCK);
         for (lane, (campaign, at)) in heliostats.enumerate() {
             self.taken[lane] = 1.0;
             let mount = &campaign.mount;
@@ -228,49 +221,41 @@ impl Group {
                 self.still[k][lane] = *value;
             }
             self.still[still][lane] = mount.mirror_offset_m;
-            let observations = campaign.observations;
-            if observations.is_sorted_by_key(|o| o.unix_ns.unwrap_or(i64::MIN))
-                && observations.first().is_none_or(|o| o.unix_ns.is_some())
-            {
-                let mut last = None;
-                for (columns, observation) in self.given.iter_mut().zip(observations) {
-                    let day = observation.unix_ns.unwrap_or_default() as f64 / DAY_NS;
-                    place(columns, lane, observation, day - last.unwrap_or(day));
-                    last = Some(day);
-                }
-            } else {
-                let (of, days) = in_time(campaign);
-                let mut last = None;
-                for (columns, (&k, &day)) in self.given.iter_mut().zip(of.iter().zip(&days)) {
-                    place(columns, lane, &observations[k], day - last.unwrap_or(day));
-                    last = Some(day);
-                }
-            }
+            sources.push(Source::of(campaign));
         }
-        // places that nobody takes: any mount, any record
-        for lane in count..BLOCK {
+        // places that nobody takes: any mount, no record
+        for lane in sources.len()..BLOCK {
             for columns in [&mut self.mount, &mut self.still] {
                 for values in columns.iter_mut() {
                     values[lane] = values[0];
                 }
             }
         }
-    }
-
-    /// Linearises the records.
-    pub fn linearise(&mut self, level: SimdLevel, structure: &Structure, shared: &[f64]) {
-        let needed = self.length * structure.shape().row();
-        self.rows.clear();
-        self.rows.resize(needed, [0.0; BLOCK]);
+        let lengths = sources.iter().map(|source| source.observations.len());
+        self.length = lengths.max().unwrap_or(0);
         self.jumped = false;
-        run(
-            level,
-            Linearise {
-                structure,
-                shared,
-                group: self,
-            },
-        );
+        let columns = structure.shape().row();
+        // every number is written
+        self.rows.resize(self.length * columns, zero);
+        let mut given = [const { Columns([[0.0; BLOCK]; given::COUNT]) }; TILE];
+        for (tile, rows) in self.rows.chunks_mut(TILE * columns).enumerate() {
+            let given = &mut given[..rows.len() / columns];
+            given.fill(Columns([zero; given::COUNT]));
+            for (lane, source) in sources.iter_mut().enumerate() {
+                source.put(tile * TILE, lane, given);
+            }
+            run(
+                level,
+                Linearise {
+                    structure,
+                    shared,
+                    mount: &self.mount,
+                    still: &self.still,
+                    given,
+                    rows,
+                },
+            );
+        }
     }
 
     /// Writes down what was decided about the records of a heliostat.
@@ -413,19 +398,62 @@ fn along<L: Lanes>(axes: &[[Lane<L>; 3]; 3], vector: &[Lane<L>; 3]) -> [Lane<L>;
     ]
 }
 
+/// Records that are brought into lanes and linearised before others are: few enough for the nearest cache.
+const TILE: usize = 16;
+
+/// Records of a heliostat, one after the other in time.
+struct Source<'a> {
+    observations: &'a [Observation],
+    /// Which, and when, where they do not stand in time.
+    sorted: Option<(Vec<usize>, Vec<f64>)>,
+    last: Option<f64>,
+}
+
+impl<'a> Source<'a> {
+    fn of(campaign: &'a Campaign<'a>) -> Self {
+        let observations = campaign.observations;
+        let in_order = observations.is_sorted_by_key(|o| o.unix_ns.unwrap_or(i64::MIN))
+            && observations.first().is_none_or(|o| o.unix_ns.is_some());
+        Self {
+            observations,
+            sorted: (!in_order).then(|| in_time(campaign)),
+            last: None,
+        }
+    }
+
+    /// Those from `from` on, as many as there is room for.
+    fn put(&mut self, from: usize, lane: usize, given: &mut [Columns<{ given::COUNT }>]) {
+        for (record, columns) in (from..self.observations.len()).zip(given) {
+            let (observation, day) = match &self.sorted {
+                None => {
+                    let observation = &self.observations[record];
+                    let ns = observation.unix_ns.unwrap_or_default();
+                    (observation, ns as f64 / DAY_NS)
+                }
+                Some((of, days)) => (&self.observations[of[record]], days[record]),
+            };
+            place(columns, lane, observation, day - self.last.unwrap_or(day));
+            self.last = Some(day);
+        }
+    }
+}
+
 struct Linearise<'a> {
     structure: &'a Structure,
     shared: &'a [f64],
-    group: &'a mut Group,
+    mount: &'a [Eight],
+    still: &'a [Eight],
+    given: &'a [Columns<{ given::COUNT }>],
+    rows: &'a mut [Eight],
 }
 
 impl Kernel for Linearise<'_> {
     type Output = ();
     #[inline(always)]
-    fn run<L: Lanes>(self) {
+    fn run<L: Lanes>(mut self) {
         let mut lane = 0;
         while lane < BLOCK {
-            linearise_some::<L>(self.structure, self.shared, self.group, lane);
+            linearise_some::<L>(&mut self, lane);
             lane += L::WIDTH;
         }
     }
@@ -433,24 +461,20 @@ impl Kernel for Linearise<'_> {
 
 /// See [`prepare`](super::rows::prepare) and [`Rows::of`].
 #[inline(always)]
-fn linearise_some<L: Lanes>(
-    structure: &Structure,
-    shared_values: &[f64],
-    group: &mut Group,
-    lane: usize,
-) {
+fn linearise_some<L: Lanes>(some: &mut Linearise<'_>, lane: usize) {
+    let structure = some.structure;
     let shape = structure.shape();
     let (zero, one) = (Lane::<L>::splat(0.0), Lane::<L>::splat(1.0));
-    let mut still = vec![zero; group.still.len()];
+    let mut still = vec![zero; some.still.len()];
     for k in 0..still.len() {
-        still[k] = Lane::read(&group.still[k], lane);
+        still[k] = Lane::read(&some.still[k], lane);
     }
-    let mut shared = vec![zero; shared_values.len()];
+    let mut shared = vec![zero; some.shared.len()];
     for k in 0..shared.len() {
-        shared[k] = Lane::splat(shared_values[k]);
+        shared[k] = Lane::splat(some.shared[k]);
     }
     let place = Place::new(&still, &shared);
-    let mount = &group.mount;
+    let mount = some.mount;
     let axes = [
         three::<L>(&mount[0..3], lane),
         three(&mount[3..6], lane),
@@ -460,11 +484,8 @@ fn linearise_some<L: Lanes>(
     let pole = three::<L>(&mount[12..15], lane);
     let mut row = vec![zero; shape.row()];
     let rest = shape.row() - column::REST;
-    for (given, out) in group
-        .given
-        .iter()
-        .zip(group.rows.chunks_exact_mut(shape.row()))
-    {
+    let rows = some.rows.chunks_exact_mut(shape.row());
+    for (given, out) in some.given.iter().zip(rows) {
         let given = &given.0;
         let sun = three::<L>(&given[given::SUN..], lane);
         let centre = three::<L>(&given[given::PLANE..], lane);
@@ -555,6 +576,8 @@ fn linearise_some<L: Lanes>(
         }
         Lane::<L>::read(&given[given::DAYS], lane).write(&mut out[rest + column::DAYS], lane);
         (one - fine).write(&mut out[rest + column::SILENT], lane);
+        zero.write(&mut out[rest + column::JUMP], lane);
+        zero.write(&mut out[rest + column::JUMP + 1], lane);
     }
 }
 
@@ -1052,8 +1075,8 @@ mod tests {
         };
         let mut group = Group::default();
         let heliostats = campaigns.iter().map(|c| (c, &place.still[..]));
-        group.fill(&structure, heliostats, pole);
-        group.linearise(SimdLevel::best(), &structure, &place.shared);
+        let level = SimdLevel::best();
+        group.linearise(level, &structure, &place.shared, heliostats, pole);
         group.mark(shape, 1, &marks, 10.0);
         let prior = Prior::new(shape, &hyper, &about, &[0, 1, 2, 3]);
         let mut known = Beliefs::default();

@@ -132,7 +132,6 @@ pub struct Posterior {
     pub jumps: Vec<(usize, JumpSeen)>,
     /// How many observations it had.
     pub records: usize,
-    belief: Belief<f64>,
 }
 
 /// What the joint fit found.
@@ -152,6 +151,10 @@ pub struct JointFit {
     pub minus_log_likelihood: f64,
     /// In the order of the campaigns.
     pub heliostats: Vec<Posterior>,
+    /// What is known of them as a function of what is common, eight by eight in another order.
+    known: Vec<Beliefs>,
+    /// Where each stands there: group times eight, and lane.
+    place: Vec<usize>,
     structure: Structure,
     hyper: Hyper,
     common: Common,
@@ -271,6 +274,14 @@ fn fit_at(
 /// Those with as many records side by side.
 fn alike(campaigns: &[Campaign<'_>], heliostats: &mut [usize]) {
     heliostats.sort_by_key(|&k| core::cmp::Reverse(campaigns[k].observations.len()));
+}
+
+impl JointFit {
+    /// What is known of heliostat `k` as a function of what is common.
+    fn belief(&self, k: usize) -> Belief<f64> {
+        let (group, lane) = (self.place[k] / BLOCK, self.place[k] % BLOCK);
+        self.known[group].belief(self.structure.shape(), lane)
+    }
 }
 
 impl<'a> Work<'a> {
@@ -394,8 +405,8 @@ impl<'a> Work<'a> {
                 &places.still[k * still..(k + 1) * still],
             )
         });
-        group.fill(&self.structure, heliostats, self.pole);
-        group.linearise(self.level, &self.structure, &places.shared);
+        let (structure, shared) = (&self.structure, &places.shared);
+        group.linearise(self.level, structure, shared, heliostats, self.pole);
     }
 
     /// Outliers and jumps of a heliostat, written into its records.
@@ -711,10 +722,14 @@ impl<'a> Work<'a> {
         let mut heliostats: Vec<Option<Posterior>> = Vec::new();
         heliostats.resize_with(self.campaigns.len(), || None);
         let each: Vec<Vec<Posterior>> = known
-            .into_par_iter()
+            .par_iter()
             .zip(self.order.par_chunks(BLOCK))
-            .map(|(known, members)| self.posteriors(&known, members))
+            .map(|(known, members)| self.posteriors(known, members))
             .collect();
+        let mut place = vec![0; self.campaigns.len()];
+        for (n, &k) in self.order.iter().enumerate() {
+            place[k] = n;
+        }
         for (posteriors, members) in each.into_iter().zip(self.order.chunks(BLOCK)) {
             for (posterior, &k) in posteriors.into_iter().zip(members) {
                 heliostats[k] = Some(posterior);
@@ -742,6 +757,8 @@ impl<'a> Work<'a> {
             wander: self.hyper.wander,
             minus_log_likelihood: likelihood,
             heliostats,
+            known,
+            place,
             structure: self.structure,
             hyper: self.hyper,
             common: self.common,
@@ -774,7 +791,6 @@ impl<'a> Work<'a> {
                 outliers: Vec::new(),
                 jumps: Vec::new(),
                 records: observations.len(),
-                belief: known.belief(self.shape, lane),
             }
         };
         members

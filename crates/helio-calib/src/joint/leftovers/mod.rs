@@ -15,13 +15,13 @@ use faer::prelude::Solve;
 use faer::{Mat, Side};
 use rayon::prelude::*;
 
+use super::JointFit;
 use super::belief::{Belief, REFERENCES, Room, Shape, Told, WANDERING, at, column};
 use super::common::{Common, Sum};
 use super::foretell::{Foretold, foretold};
 use super::hyper::waited;
 use super::rows::{ANGLES, MILLI, Rows};
 use super::terms::{AxisCause, Cause};
-use super::{JointFit, Posterior};
 use crate::error::CalibrationError;
 use crate::field::Campaign;
 use crate::observation::Mount;
@@ -553,17 +553,10 @@ impl JointFit {
         let common = Common::new(&sum, &self.prior_sigma).unwrap_or_else(|| self.common.clone());
         let heliostats = wide
             .into_par_iter()
-            .zip(&self.heliostats)
             .zip(campaigns)
-            .map(|((wide, posterior), campaign)| {
-                self.leftover(
-                    wide,
-                    posterior,
-                    campaign,
-                    &common,
-                    (amplitude, length),
-                    options,
-                )
+            .enumerate()
+            .map(|(k, (wide, campaign))| {
+                self.leftover(k, wide, campaign, &common, (amplitude, length), options)
             })
             .collect::<Result<Vec<_>, _>>()?;
         Ok(Leftovers {
@@ -646,13 +639,14 @@ impl JointFit {
 
     fn leftover(
         &self,
+        k: usize,
         wide: Wide,
-        posterior: &Posterior,
         campaign: &Campaign<'_>,
         common: &Common,
         (amplitude_mrad, length_rad): ([f64; 2], f64),
         options: &LeftoverOptions,
     ) -> Result<Leftover, CalibrationError> {
+        let posterior = &self.heliostats[k];
         let bad = CalibrationError::BadOption {
             what: "records of a heliostat",
             wanted: "ones whose leftovers can be solved for",
@@ -667,7 +661,7 @@ impl JointFit {
         let (kept, added) = waited(&self.hyper.rates(), days);
         let mut belief = wide.belief;
         belief.wait(kept, added);
-        let mut plain = posterior.belief.clone();
+        let mut plain = self.belief(k);
         plain.wait(kept, added);
         let (causes, members) = self.turning();
         let (own, c) = (wide.shape.own(), both.mean.len());
