@@ -156,7 +156,7 @@ pub(super) struct Prior<'a> {
     /// Inverse of the spread, row by row; none where it has none.
     per_spread: Option<Vec<f64>>,
     about: &'a [f64],
-    /// Causes in common that are not held to zero.
+    /// Causes in common that are not held to zero: those of the records.
     causes: &'a [usize],
 }
 
@@ -654,10 +654,14 @@ fn filter_some<L: Lanes>(
     let (zero, one) = (Lane::<L>::splat(0.0), Lane::<L>::splat(1.0));
     let rates = &prior.rates;
     let rest = shape.row() - column::REST;
-    let rest_given = given.row() - column::REST;
+    let rows = Shape {
+        causes: prior.causes.len(),
+        ..given
+    };
+    let rest_given = rows.row() - column::REST;
     // apart from the filter: no record waits for another
     let mut lost = vec![[zero; 2]; group.length];
-    for (lost, numbers) in lost.iter_mut().zip(group.rows.chunks_exact(given.row())) {
+    for (lost, numbers) in lost.iter_mut().zip(group.rows.chunks_exact(rows.row())) {
         let days = Lane::read(&numbers[rest_given + column::DAYS], lane);
         *lost = [
             forgotten(days / Lane::splat(rates.days[0])),
@@ -672,7 +676,7 @@ fn filter_some<L: Lanes>(
     let mut room = Room::of(shape);
     let mut row = vec![zero; shape.row()];
     let mut farthest = zero;
-    for (k, numbers) in group.rows.chunks_exact(given.row()).enumerate() {
+    for (k, numbers) in group.rows.chunks_exact(rows.row()).enumerate() {
         for (to, from) in row[..2 * still].iter_mut().zip(numbers) {
             *to = Lane::read(from, lane);
         }
@@ -683,7 +687,7 @@ fn filter_some<L: Lanes>(
         for (n, &cause) in prior.causes.iter().enumerate() {
             let value = Lane::splat(prior.about[still + cause]);
             for i in 0..2 {
-                let slope = Lane::read(&numbers[2 * (still + cause) + i], lane);
+                let slope = Lane::read(&numbers[2 * (still + n) + i], lane);
                 row[2 * (still + n) + i] = slope;
                 let seen = &mut row[rest + column::SEEN + i];
                 *seen = value.neg_mul_add(slope, *seen);

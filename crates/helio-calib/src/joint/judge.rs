@@ -18,7 +18,10 @@ const TOGETHER: usize = 8;
 /// What is known before the first record, and how often things go wrong.
 #[derive(Debug)]
 pub(super) struct Judge<'a> {
+    /// Of the records: causes that are held to zero are not in them.
     pub shape: Shape,
+    /// Which causes are.
+    pub causes: &'a [usize],
     pub hyper: &'a Hyper,
     /// What is common: its mean, and its covariance row by row.
     pub common: (&'a [f64], &'a [f64]),
@@ -93,6 +96,7 @@ impl Kernel for Records<'_> {
     fn run<L: Lanes>(self) -> Marks {
         let Judge {
             shape,
+            causes,
             hyper,
             common: (common, common_covariance),
             mishaps,
@@ -139,8 +143,8 @@ impl Kernel for Records<'_> {
             }
             for i in 0..2 {
                 let mut seen = numbers[rest + column::SEEN + i];
-                for cause in 0..shape.causes {
-                    seen -= numbers[2 * (shape.still + cause) + i] * common[shape.still + cause];
+                for (n, cause) in causes.iter().enumerate() {
+                    seen -= numbers[2 * (shape.still + n) + i] * common[shape.still + cause];
                 }
                 row[rest_alone + column::SEEN + i] = Lane::splat(seen);
             }

@@ -181,10 +181,18 @@ const CLEARLY: f64 = 30.0;
 /// What holds a cause that is not admitted to zero, in its expected size.
 const HELD: f64 = 1e-9;
 
+/// What records hold: no causes in common that are held to zero.
+struct Live {
+    structure: Structure,
+    /// Those that are left, by their place in the whole structure.
+    causes: Vec<usize>,
+}
+
 struct Work<'a> {
     campaigns: &'a [Campaign<'a>],
     options: &'a JointOptions,
     structure: Structure,
+    live: Live,
     shape: Shape,
     pole: helio_core::Enu,
     prior_sigma: Vec<f64>,
@@ -244,6 +252,7 @@ fn fit_at(
     let some = campaigns.len() > options.learnt_from && expansions > 1;
     let mut pass = 0;
     loop {
+        work.leave_out_held();
         let sample = work.sample(&places, pass == 0, &mut decided);
         work.learn(&sample);
         if pass == 0 {
@@ -358,6 +367,10 @@ impl<'a> Work<'a> {
             level,
             order,
             free,
+            live: Live {
+                structure: structure.clone(),
+                causes: (0..shape.causes).collect(),
+            },
             structure,
             shape,
             pole: pole(latitude),
@@ -405,22 +418,25 @@ impl<'a> Work<'a> {
                 &places.still[k * still..(k + 1) * still],
             )
         });
-        let (structure, shared) = (&self.structure, &places.shared);
-        group.linearise(self.level, structure, shared, heliostats, self.pole);
+        let Live { structure, causes } = &self.live;
+        let shared: Vec<f64> = causes.iter().map(|&k| places.shared[k]).collect();
+        group.linearise(self.level, structure, &shared, heliostats, self.pole);
     }
 
     /// Outliers and jumps of a heliostat, written into its records.
     fn judge(&self, group: &mut Group, lane: usize, k: usize, last: usize) -> Marks {
         let mishaps = &self.options.mishaps;
         let judge = Judge {
-            shape: self.shape,
+            shape: self.live.structure.shape(),
+            causes: &self.live.causes,
             hyper: &self.hyper,
             common: (&self.common.mean, &self.common.covariance),
             mishaps,
         };
         let count = self.campaigns[k].observations.len();
-        let marks = judge.marks(self.level, &group.records_of(self.shape, lane, count), last);
-        group.mark(self.shape, lane, &marks, mishaps.jump_mrad);
+        let rows = group.records_of(judge.shape, lane, count);
+        let marks = judge.marks(self.level, &rows, last);
+        group.mark(judge.shape, lane, &marks, mishaps.jump_mrad);
         marks
     }
 
@@ -433,8 +449,8 @@ impl<'a> Work<'a> {
         let count = with.len().min(self.options.learnt_from.max(1));
         let mut chosen: Vec<usize> = (0..count).map(|k| with[k * with.len() / count]).collect();
         alike(self.campaigns, &mut chosen);
-        let causes = self.causes();
-        let prior = Prior::new(self.shape, &self.hyper, &self.common.mean, &causes);
+        let causes = &self.live.causes;
+        let prior = Prior::new(self.shape, &self.hyper, &self.common.mean, causes);
         let each: Vec<(Group, Decided)> = chosen
             .par_chunks(BLOCK)
             .map(|members| {
@@ -467,7 +483,7 @@ impl<'a> Work<'a> {
             groups,
             members: chosen,
             about: self.common.mean.clone(),
-            causes: self.causes(),
+            causes: self.live.causes.clone(),
         }
     }
 
@@ -493,8 +509,8 @@ impl<'a> Work<'a> {
     /// What is known of all heliostats, eight by eight in the order of `order`, and what is common. Records
     /// about which nothing was decided yet are judged where one lies far from what was expected.
     fn believe(&mut self, places: &Places, decided: &mut Decided) -> Vec<Beliefs> {
-        let causes = self.causes();
-        let prior = Prior::new(self.shape, &self.hyper, &self.common.mean, &causes);
+        let causes = &self.live.causes;
+        let prior = Prior::new(self.shape, &self.hyper, &self.common.mean, causes);
         let (work, before) = (&*self, &*decided);
         let each: Vec<(Vec<Beliefs>, Decided, Total)> = self
             .order
@@ -525,16 +541,17 @@ impl<'a> Work<'a> {
         before: &Decided,
     ) -> (Vec<Beliefs>, Decided, Total) {
         let jump_mrad = self.options.mishaps.jump_mrad;
+        let rows = self.live.structure.shape();
         let mut total = Total::nothing(self.shape);
         let mut found = Decided::new();
         let mut all = Vec::with_capacity(heliostats.len().div_ceil(BLOCK));
         let mut unexpected = Vec::new();
         for (n, members) in heliostats.chunks(BLOCK).enumerate() {
             self.linearise(group, members, places);
-            let last = group.last_beyond(self.shape, prior, CLEARLY);
+            let last = group.last_beyond(rows, prior, CLEARLY);
             for (lane, k) in members.iter().enumerate() {
                 if let Some(marks) = before.get(k) {
-                    group.mark(self.shape, lane, marks, jump_mrad);
+                    group.mark(rows, lane, marks, jump_mrad);
                 } else if let Some(last) = last[lane] {
                     // most of those that the filter would find, before it has to run twice
                     found.insert(*k, self.judge(group, lane, *k, last));
@@ -558,7 +575,7 @@ impl<'a> Work<'a> {
             let members: Vec<usize> = some.iter().map(|&n| heliostats[n]).collect();
             self.linearise(group, &members, places);
             for (lane, k) in members.iter().enumerate() {
-                group.mark(self.shape, lane, &found[k], jump_mrad);
+                group.mark(rows, lane, &found[k], jump_mrad);
             }
             let mut again = Beliefs::default();
             total.add(&group.filter(self.level, prior, &mut again));
@@ -643,10 +660,17 @@ impl<'a> Work<'a> {
         }
     }
 
-    /// Causes in common that are not held to zero.
-    fn causes(&self) -> Vec<usize> {
+    /// Leaves causes in common that are held to zero out of records that are linearised from now on.
+    fn leave_out_held(&mut self) {
         let free = |cause: &usize| self.is_free(self.shape.still + cause);
-        (0..self.shape.causes).filter(free).collect()
+        let causes: Vec<usize> = (0..self.shape.causes).filter(free).collect();
+        self.live = Live {
+            structure: Structure {
+                own: self.structure.own.clone(),
+                shared: causes.iter().map(|&k| self.structure.shared[k]).collect(),
+            },
+            causes,
+        };
     }
 
     fn is_free(&self, k: usize) -> bool {
