@@ -988,6 +988,31 @@ impl Sample {
         (each.into_iter().map(|(known, _)| known).collect(), sum)
     }
 
+    /// What all records tell under each of some assumptions: a group's records stay in the cache meanwhile.
+    pub fn tell(&self, each: &[Hyper]) -> Vec<Sum> {
+        let prior = |hyper| Prior::new(self.shape, hyper, &self.about, &self.causes);
+        let priors: Vec<Prior<'_>> = each.iter().map(prior).collect();
+        let of_groups: Vec<Vec<Total>> = self
+            .groups
+            .par_iter()
+            .map_init(Beliefs::default, |known, group| {
+                let told = priors
+                    .iter()
+                    .map(|prior| group.filter(self.level, prior, known));
+                told.collect()
+            })
+            .collect();
+        (0..each.len())
+            .map(|n| {
+                let mut sum = Total::nothing(self.shape);
+                for totals in &of_groups {
+                    sum.add(&totals[n]);
+                }
+                sum.sum(self.shape, &self.about)
+            })
+            .collect()
+    }
+
     /// Second moments of what heliostats at rest depart from the field by, summed over them: row by row.
     pub fn moments(&self, known: &[Beliefs], common: &Common) -> Vec<f64> {
         let still = self.shape.still;

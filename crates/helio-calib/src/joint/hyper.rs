@@ -1,7 +1,7 @@
 //! How records scatter, how zero points wander and how heliostats differ, and how likely that makes what was seen.
 
 use super::belief::{Rates, Shape, WANDERING, at};
-use super::common::Common;
+use super::common::{Common, Sum};
 use super::group::Sample;
 use super::rows::ANGLES;
 
@@ -157,8 +157,11 @@ pub(super) fn waited(rates: &Rates, days: f64) -> ([f64; WANDERING], [f64; WANDE
 
 /// Minus the logarithm of the likelihood of all records, what is common integrated out.
 pub(super) fn minus_log_likelihood(sample: &Sample, hyper: &Hyper, prior_sigma: &[f64]) -> f64 {
-    let (_, sum) = sample.filter(hyper);
-    Common::new(&sum, prior_sigma).map_or(f64::INFINITY, |common| common.minus_log_likelihood)
+    minus_log(&sample.filter(hyper).1, prior_sigma)
+}
+
+fn minus_log(sum: &Sum, prior_sigma: &[f64]) -> f64 {
+    Common::new(sum, prior_sigma).map_or(f64::INFINITY, |common| common.minus_log_likelihood)
 }
 
 /// Farthest that a searched logarithm moves at once.
@@ -345,15 +348,25 @@ pub(super) fn learn(
     free: &Free,
     search: &mut Option<Search>,
 ) {
-    let value = |hyper: &Hyper, logarithms: &Logarithms| {
-        let mut there = hyper.clone();
-        there.set_logarithms(logarithms);
-        minus_log_likelihood(sample, &there, prior_sigma) + there.penalty()
+    let values = |hyper: &Hyper, places: &[Logarithms]| -> Vec<f64> {
+        let there = |logarithms: &Logarithms| {
+            let mut there = hyper.clone();
+            there.set_logarithms(logarithms);
+            there
+        };
+        let each: Vec<Hyper> = places.iter().map(there).collect();
+        let told = sample.tell(&each);
+        let value = |(sum, hyper): (&Sum, &Hyper)| minus_log(sum, prior_sigma) + hyper.penalty();
+        told.iter().zip(&each).map(value).collect()
     };
-    let unit = |k: usize, by: f64| {
-        let mut out = [0.0; SEARCHED];
-        out[k] = by;
-        out
+    // along each logarithm that is free
+    let along = |from: &Logarithms, by: f64| -> Vec<Logarithms> {
+        let moved = |k: usize| {
+            let mut out = *from;
+            out[k] += by;
+            out
+        };
+        free.searched().map(moved).collect()
     };
     let mut before: Option<(f64, Logarithms, Logarithms)> = None;
     for _ in 0..ROUNDS {
@@ -361,15 +374,19 @@ pub(super) fn learn(
             learn_spread(sample, hyper, prior_sigma, expected_spread, &free.spread);
         }
         let from = hyper.logarithms();
-        let here = value(hyper, &from);
+        let reach = if search.is_some() { REACH } else { FIRST_REACH };
+        let mut places = along(&from, reach);
+        places.push(from);
+        let mut above = values(hyper, &places);
+        let here = above.pop().unwrap_or(f64::INFINITY);
         if !here.is_finite() {
             return;
         }
         let mut slope = [0.0; SEARCHED];
         let known = match search {
             Some(known) => {
-                for k in free.searched() {
-                    slope[k] = (value(hyper, &plus(&from, 1.0, &unit(k, REACH))) - here) / REACH;
+                for (k, above) in free.searched().zip(above) {
+                    slope[k] = (above - here) / REACH;
                 }
                 if let Some((_, last, last_slope)) = &before {
                     known.learn(&plus(&from, -1.0, last), &plus(&slope, -1.0, last_slope));
@@ -378,9 +395,8 @@ pub(super) fn learn(
             }
             None => {
                 let mut curvatures = [0.0; SEARCHED];
-                for k in free.searched() {
-                    let above = value(hyper, &plus(&from, 1.0, &unit(k, FIRST_REACH)));
-                    let below = value(hyper, &plus(&from, -1.0, &unit(k, FIRST_REACH)));
+                let below = values(hyper, &along(&from, -FIRST_REACH));
+                for (k, (above, below)) in free.searched().zip(above.into_iter().zip(below)) {
                     slope[k] = (above - below) / (2.0 * FIRST_REACH);
                     curvatures[k] = (above + below - 2.0 * here) / (FIRST_REACH * FIRST_REACH);
                 }
@@ -396,7 +412,7 @@ pub(super) fn learn(
         let mut by = 1.0;
         for _ in 0..HALVED {
             let there = plus(&from, by, &step);
-            if value(hyper, &there) < here {
+            if values(hyper, &[there]).iter().all(|value| *value < here) {
                 hyper.set_logarithms(&there);
                 break;
             }
