@@ -30,9 +30,9 @@ impl Default for Mishaps {
     }
 }
 
-/// A record nearer than this to what was expected (chi-squared, two degrees of freedom: 1 % lie beyond) is
+/// A record nearer than this to what was expected (chi-squared, two degrees of freedom: 5 % lie beyond) is
 /// taken as it is.
-const DOUBTFUL: f64 = 9.0;
+const DOUBTFUL: f64 = 6.0;
 /// Variance of what was expected, of that of spots in wrong places, above which a record may be one however near it lies.
 const VAGUE: f64 = 0.02;
 /// Accounts carried on at most.
