@@ -551,10 +551,22 @@ fn following_foretells_what_fitting_all_does() {
 /// Where every heliostat does what the model says, one record in a thousand raises an alarm, as stated.
 #[test]
 fn alarms_are_as_rare_as_stated_and_drifts_raise_them() {
+    alarms(0.0, 0.0);
+}
+
+/// The same where spots are found in wrong places and zero points jump.
+#[test]
+fn outliers_and_jumps_raise_no_more_alarms() {
+    alarms(0.01, 0.002);
+}
+
+fn alarms(outlier_probability: f64, jump_probability: f64) {
     let (mut records, mut alarms, mut drifting, mut raised) = (0, 0, 0, 0);
     for seed in 21..=26 {
         let options = FieldOptions {
             records: 120,
+            outlier_probability,
+            jump_probability,
             ..base(seed)
         };
         let mut field = simulate_field(&options).unwrap();
@@ -583,6 +595,74 @@ fn alarms_are_as_rare_as_stated_and_drifts_raise_them() {
     );
     assert!((0.2..2.5).contains(&rate), "{rate}");
     assert!(raised * 10 > drifting * 9, "{raised} of {drifting}");
+}
+
+/// After hundreds of records: what is in doubt stays little, and what happened was counted.
+#[test]
+fn what_is_in_doubt_stays_little_and_is_decided() {
+    let options = FieldOptions {
+        heliostats: 20,
+        records: 340,
+        days: 700,
+        outlier_probability: 0.02,
+        jump_probability: 0.005,
+        ..base(31)
+    };
+    let field = simulate_field(&options).unwrap();
+    let (state, _) = follow(&field, &no_causes(&options), 40, options.records, 20);
+    let parts = state.parts();
+    let (mut doubts, mut outliers, mut jumps, mut happened) = (0, 0, 0, [0, 0]);
+    for (heliostat, truth) in parts.heliostats.iter().zip(&field.heliostats) {
+        doubts += heliostat.undecided.len();
+        outliers += heliostat.outliers;
+        jumps += heliostat.jumps.len();
+        happened[0] += truth.truth.iter().filter(|t| t.outlier).count();
+        happened[1] += truth.truth.iter().filter(|t| t.jump.is_some()).count();
+        assert!(heliostat.undecided.len() < 60);
+        assert!(heliostat.accounts.len() <= 8);
+    }
+    println!(
+        "{doubts} records in doubt of {}; outliers {outliers} of {}, jumps {jumps} of {}",
+        20 * 300,
+        happened[0],
+        happened[1]
+    );
+    assert!(doubts < 20 * 12, "{doubts}");
+    let near = |found: f64, happened: usize| (0.85..1.15).contains(&(found / happened as f64));
+    assert!(
+        near(outliers as f64, happened[0]),
+        "{outliers} {happened:?}"
+    );
+    assert!(near(jumps as f64, happened[1]), "{jumps} {happened:?}");
+}
+
+/// All records of a newcomer in one call, far from the field's mean: as good as one by one.
+#[test]
+fn newcomers_may_come_with_many_records_at_once() {
+    let mut next_day = NextDay::default();
+    for seed in 41..=43 {
+        let mut options = FieldOptions {
+            records: 34,
+            ..base(seed)
+        };
+        for i in 0..2 {
+            options.covariance_rad2[i][i] = 0.03 * 0.03;
+        }
+        let field = simulate_field(&options).unwrap();
+        let fit = fit_joint(&field.first(30)[..40], &no_causes(&options)).unwrap();
+        let ids: Vec<String> = (0..40).map(|k| k.to_string()).collect();
+        let mut state = fit.follow(&ids).unwrap();
+        for (k, heliostat) in field.heliostats.iter().enumerate().skip(40) {
+            let place = state.add(&k.to_string());
+            state.update(&[(place, heliostat.first(30))]).unwrap();
+            let later = heliostat.after(30);
+            next_day.count(&state.foretell(place, &later), &heliostat.truth[30..]);
+        }
+    }
+    next_day.report("newcomers");
+    let ratio = rms(&next_day.misses_mrad) / rms(&next_day.stated_mrad);
+    assert!((0.85..1.2).contains(&ratio), "{ratio}");
+    assert!((0.9..0.98).contains(&next_day.covered()));
 }
 
 // ------------------------------------------------------------------------------------------------ few records

@@ -355,11 +355,6 @@ fn batch(state: &StateFile) -> Result<RecordBatch, arrow::error::ArrowError> {
             (0..heliostat.accounts.len()).map(move |account| (heliostat, mount, account))
         })
         .collect();
-    let numbers = |of: &dyn Fn(&HeliostatParts) -> f64| -> ArrayRef {
-        Arc::new(Float64Array::from_iter_values(
-            rows.iter().map(|row| of(row.0)),
-        ))
-    };
     let counts = |of: &dyn Fn(&HeliostatParts) -> u64| -> ArrayRef {
         Arc::new(Int64Array::from_iter_values(
             rows.iter()
@@ -426,9 +421,13 @@ fn batch(state: &StateFile) -> Result<RecordBatch, arrow::error::ArrowError> {
             false,
         ),
         ("jump_axes", jump_axes, false),
-        ("drift1", numbers(&|h| h.drift[0]), false),
-        ("drift2", numbers(&|h| h.drift[1]), false),
-        ("drift_variance", numbers(&|h| h.drift_variance), false),
+        ("drift1", number_of_account(&|a| a.drift[0]), false),
+        ("drift2", number_of_account(&|a| a.drift[1]), false),
+        (
+            "drift_variance",
+            number_of_account(&|a| a.drift_variance),
+            false,
+        ),
         ("undecided_days", lists(&|h, _| h.undecided.clone())?, false),
         ("mount", lists(&|_, mount| mount.numbers().to_vec())?, false),
         (
@@ -870,8 +869,6 @@ fn take(batch: &RecordBatch, state: &mut StateFile) -> Result<(), Unread> {
                         axis: place(axis),
                     })
                     .collect(),
-                drift: [drift1[row], drift2[row]],
-                drift_variance: drift_variance[row],
                 undecided: undecided.of(row).to_vec(),
                 accounts: Vec::new(),
             });
@@ -880,6 +877,8 @@ fn take(batch: &RecordBatch, state: &mut StateFile) -> Result<(), Unread> {
             let pairs = jumps.of(row).iter().zip(axes.of(row));
             heliostat.accounts.push(AccountParts {
                 log_likelihood: likelihood[row],
+                drift: [drift1[row], drift2[row]],
+                drift_variance: drift_variance[row],
                 mean: mean.of(row).to_vec(),
                 gain: gain.of(row).to_vec(),
                 spread: spread.of(row).to_vec(),

@@ -520,6 +520,15 @@ impl<T: Number> Surprise<T> {
         (x * self.per[0]).mul_add(x, (y * self.per[1]) * y)
     }
 
+    /// What is left as two independent standard deviates, the common unknowns taken as given.
+    #[inline(always)]
+    pub fn deviates(&self) -> [T; 2] {
+        [
+            self.expected[0] * self.per[0].square_root(),
+            self.expected[1] * self.per[1].square_root(),
+        ]
+    }
+
     /// Of S.
     #[inline(always)]
     pub fn determinant(&self) -> T {

@@ -115,6 +115,31 @@ impl Common {
         out
     }
 
+    /// One belief in place of several that have these likelihoods: with the mean and the covariance of them together.
+    pub fn mixture(&self, beliefs: &[&Belief<f64>], likelihoods: &[f64]) -> Belief<f64> {
+        let total: f64 = likelihoods.iter().sum();
+        let mut out = beliefs[0].clone();
+        let (own, common) = (out.shape.own(), out.shape.common());
+        let sum = |of: &dyn Fn(usize) -> f64| -> f64 {
+            let each = likelihoods.iter().enumerate();
+            each.map(|(n, likelihood)| likelihood * of(n)).sum::<f64>() / total
+        };
+        let means: Vec<Vec<f64>> = beliefs.iter().map(|b| self.mean_of(b)).collect();
+        let mean: Vec<f64> = (0..own).map(|i| sum(&|n| means[n][i])).collect();
+        for i in 0..own {
+            out.mean[i] = sum(&|n| beliefs[n].mean[i]);
+            for k in 0..common {
+                out.set_gain(i, k, sum(&|n| beliefs[n].gain(i, k)));
+            }
+            for j in 0..=i {
+                let apart = |n: usize| (means[n][i] - mean[i]) * (means[n][j] - mean[j]);
+                let value = sum(&|n| beliefs[n].covariance(i, j) + apart(n));
+                out.set_covariance(i, j, value);
+            }
+        }
+        out
+    }
+
     /// One standard deviation of a common unknown.
     pub fn sigma(&self, k: usize) -> f64 {
         libm::sqrt(self.covariance[k * self.mean.len() + k])

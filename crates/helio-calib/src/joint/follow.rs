@@ -1,5 +1,7 @@
 //! The calibration follows the plant: records one after the other, in bounded memory.
 
+use std::borrow::Cow;
+
 use helio_core::{Enu, PoseErrors};
 use rayon::prelude::*;
 
@@ -7,7 +9,7 @@ use super::belief::{Belief, REFERENCES, Shape, Told, at, column};
 use super::common::{Common, Sum};
 use super::foretell::{Foretold, foretold, later, references, shared_values, zero_points};
 use super::hyper::{Hyper, Marks, Noise, Wander, waited};
-use super::hypotheses::{Account, Mishaps, told_by};
+use super::hypotheses::{Account, Mishaps, decide, told_by};
 use super::rows::{ANGLES, Expansion, MILLI, Rows, Structure, filter_unit, parameters, pole};
 use super::terms::{AxisCause, Cause};
 use super::{CommonCause, JointFit, WANDERING, is_free};
@@ -68,6 +70,12 @@ fn pose_error(cause: AxisCause) -> usize {
     }
 }
 
+/// Records in doubt of a heliostat at most: then its likeliest account is believed.
+const MOST_UNDECIDED: usize = 60;
+/// Records are made linear anew where the heliostat is now thought to be farther from where they were than this
+/// \[rad\].
+const MOVED_RAD: f64 = 1e-3;
+
 /// A heliostat that is followed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Followed {
@@ -81,10 +89,6 @@ pub struct Followed {
     pub outliers: u64,
     /// The last jumps that are certain, in time.
     pub jumps: Vec<JumpSeen>,
-    /// Running mean of the misses in their standard deviations.
-    pub drift: [f64; 2],
-    /// Variance of either component of that in a heliostat that does what the model says.
-    pub drift_variance: f64,
     /// What may have happened, likeliest first.
     pub(super) accounts: Vec<Account>,
     /// Days of the records that marks of undecided accounts count.
@@ -208,8 +212,6 @@ impl JointFit {
                 records: posterior.records as u64,
                 outliers: posterior.outliers.len() as u64,
                 jumps: last_jumps(posterior.jumps.iter().map(|(_, jump)| *jump).collect()),
-                drift: [0.0; 2],
-                drift_variance: 0.0,
                 accounts: vec![Account::new(self.belief(k))],
                 undecided: Vec::new(),
             })
@@ -260,8 +262,6 @@ impl FieldState {
             records: 0,
             outliers: 0,
             jumps: Vec::new(),
-            drift: [0.0; 2],
-            drift_variance: 0.0,
             accounts: vec![Account::new(belief)],
             undecided: Vec::new(),
         });
@@ -336,23 +336,23 @@ impl FieldState {
     pub fn foretell(&self, place: usize, campaign: &Campaign<'_>) -> Vec<Foretold> {
         let shape = self.structure.shape();
         let heliostat = &self.heliostats[place];
-        let best = &heliostat.accounts[0].belief;
+        let belief = heliostat.belief(&self.common);
         let rates = self.hyper().rates();
         let at = Expansion {
-            still: self.common.mean_of(best)[..shape.still]
+            still: self.common.mean_of(&belief)[..shape.still]
                 .iter()
                 .map(|x| x / MILLI)
                 .collect(),
             shared: shared_values(&self.structure, &self.common),
         };
         let rows = Rows::of(&self.structure, campaign, &at, pole(self.site_latitude_rad));
-        later(best, heliostat.last_day, &rows, &rates, &self.common)
+        later(&belief, heliostat.last_day, &rows, &rates, &self.common)
     }
 
     /// What a heliostat is believed to be at a time \[days since 1970\], not before its last record.
     pub(super) fn belief_at(&self, place: usize, day: f64) -> Belief<f64> {
         let heliostat = &self.heliostats[place];
-        let mut belief = heliostat.accounts[0].belief.clone();
+        let mut belief = heliostat.belief(&self.common).into_owned();
         if let Some(last) = heliostat.last_day {
             let (kept, added) = waited(&self.hyper().rates(), day - last);
             belief.wait(kept, added);
@@ -421,7 +421,7 @@ impl FieldState {
     /// If there is no heliostat in that place.
     #[must_use]
     pub fn at_rest(&self, place: usize) -> (Vec<f64>, Vec<f64>) {
-        let belief = &self.heliostats[place].accounts[0].belief;
+        let belief = &*self.heliostats[place].belief(&self.common);
         let (own, still) = (belief.shape.own(), belief.shape.still);
         let covariance = self.common.covariance_of(belief);
         let sigma = |i: usize| libm::sqrt(covariance[i * own + i].max(0.0)) / MILLI;
@@ -513,17 +513,20 @@ impl Followed {
         let shape = context.shape;
         let rest = shape.row() - column::REST;
         let mut settled: Option<Sum> = None;
-        let best = &self.accounts[0].belief;
-        let at = Expansion {
-            still: context.common.mean_of(best)[..shape.still]
-                .iter()
-                .map(|x| x / MILLI)
-                .collect(),
-            shared: context.shared.clone(),
-        };
-        let rows = Rows::of(context.structure, campaign, &at, context.pole);
+        let mut at = self.place(context);
+        let mut rows = Rows::of(context.structure, campaign, &at, context.pole);
         let mut steps = Vec::with_capacity(rows.len());
         for k in 0..rows.len() {
+            let here = self.place(context);
+            let moved = here.still.iter().zip(&at.still);
+            if moved
+                .map(|(a, b)| (a - b).abs())
+                .fold(0.0, f64::max)
+                .gt(&MOVED_RAD)
+            {
+                at = here;
+                rows = Rows::of(context.structure, campaign, &at, context.pole);
+            }
             let row = rows.row(shape, k);
             let day = rows.days[k];
             let days = self.last_day.map_or(0.0, |last| (day - last).max(0.0));
@@ -535,21 +538,20 @@ impl Followed {
             }
             self.last_day = Some(self.last_day.map_or(day, |last| last.max(day)));
             self.records += 1;
-            let best = &self.accounts[0].belief;
-            let before = foretold(shape, row, context.rates, best, context.common);
+            let before = self.belief(context.common);
+            let before = foretold(shape, row, context.rates, &before, context.common);
             let mut kind = StepKind::Misses;
             if row[rest + column::SILENT] == 0.0 {
                 let number = self.undecided.len();
                 self.undecided.push(day);
-                let accounts = core::mem::take(&mut self.accounts);
-                let common = &context.common.mean;
                 self.accounts = told_by(
-                    accounts,
+                    core::mem::take(&mut self.accounts),
                     number,
                     row,
                     context.rates,
                     context.mishaps,
-                    common,
+                    &context.common.mean,
+                    context.alarm.weight,
                 );
                 let marks = &self.accounts[0].marks;
                 kind = if marks.outliers.last() == Some(&number) {
@@ -560,12 +562,9 @@ impl Followed {
                         _ => StepKind::Believed,
                     }
                 };
-                if kind == StepKind::Believed {
-                    self.drifts(context.alarm.weight, before.in_sigmas());
-                } else if let StepKind::Jump(_) = kind {
-                    // what came before it says nothing of what comes after
-                    self.drift = [0.0; 2];
-                    self.drift_variance = 0.0;
+                decide(&mut self.accounts, number);
+                if self.undecided.len() >= MOST_UNDECIDED {
+                    self.accounts.truncate(1);
                 }
                 if let Some(told) = self.settle(shape) {
                     settled
@@ -573,30 +572,41 @@ impl Followed {
                         .add(&told);
                 }
             }
-            let [x, y] = self.drift;
-            let alarm = x * x + y * y > context.alarm.threshold() * self.drift_variance
-                && self.drift_variance > 0.0;
-            let best = &self.accounts[0].belief;
-            let [references_rad, references_sigma_rad] = references(best, context.common);
+            let [references_rad, references_sigma_rad] =
+                references(&self.belief(context.common), context.common);
             steps.push(Step {
                 observation: rows.of[k],
                 foretold: before,
                 kind,
                 references_rad,
                 references_sigma_rad,
-                alarm,
+                alarm: self.accounts[0].drift.square() > context.alarm.threshold(),
             });
         }
         (steps, settled)
     }
 
-    /// Exponentially weighted running mean of standard deviates, with its variance.
-    fn drifts(&mut self, weight: f64, deviates: [f64; 2]) {
-        for (mean, deviate) in self.drift.iter_mut().zip(deviates) {
-            *mean += weight * (deviate - *mean);
+    /// Where its records are made linear.
+    fn place(&self, context: &Context<'_>) -> Expansion {
+        let mean = context.common.mean_of(&self.belief(context.common));
+        Expansion {
+            still: mean[..context.shape.still]
+                .iter()
+                .map(|x| x / MILLI)
+                .collect(),
+            shared: context.shared.clone(),
         }
-        let kept = 1.0 - weight;
-        self.drift_variance = kept * kept * self.drift_variance + weight * weight;
+    }
+
+    /// What is believed under all accounts together, by their likelihood: with its mean and its covariance.
+    pub(super) fn belief(&self, common: &Common) -> Cow<'_, Belief<f64>> {
+        if let [only] = &self.accounts[..] {
+            return Cow::Borrowed(&only.belief);
+        }
+        let beliefs: Vec<&Belief<f64>> = self.accounts.iter().map(|a| &a.belief).collect();
+        let likelihoods = self.accounts.iter().map(|a| libm::exp(a.log_likelihood));
+        let likelihoods: Vec<f64> = likelihoods.collect();
+        Cow::Owned(common.mixture(&beliefs, &likelihoods))
     }
 
     /// Where one account alone is left, what was undecided is decided.

@@ -147,6 +147,18 @@ pub(super) struct Marks {
     pub jumps: Vec<(usize, usize)>,
 }
 
+impl Marks {
+    /// Those of records up to one.
+    pub fn before(&self, last: usize) -> Self {
+        let outliers = self.outliers.iter().filter(|k| **k <= last);
+        let jumps = self.jumps.iter().filter(|(k, _)| *k <= last);
+        Self {
+            outliers: outliers.copied().collect(),
+            jumps: jumps.copied().collect(),
+        }
+    }
+}
+
 /// What is left of the wandering zero points after some days, and what is new.
 pub(super) fn waited(rates: &Rates, days: f64) -> ([f64; WANDERING], [f64; WANDERING]) {
     let [slow, fast] = [rates.days[0], rates.days[2]].map(|of| libm::exp(-days.max(0.0) / of));

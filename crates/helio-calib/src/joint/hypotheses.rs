@@ -49,6 +49,35 @@ pub(super) struct Account {
     /// What its records tell of what is common, since that was last taken from it.
     pub told: Told<f64>,
     pub marks: Marks,
+    pub drift: Drift,
+}
+
+/// Exponentially weighted running mean of the misses of an account in their standard deviations.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Drift {
+    pub mean: [f64; 2],
+    /// Of either component, in a heliostat that does what the model says.
+    pub variance: f64,
+}
+
+impl Drift {
+    fn count(&mut self, weight: f64, deviates: [f64; 2]) {
+        for (mean, deviate) in self.mean.iter_mut().zip(deviates) {
+            *mean += weight * (deviate - *mean);
+        }
+        let kept = 1.0 - weight;
+        self.variance = kept * kept * self.variance + weight * weight;
+    }
+
+    /// Squared length in standard deviations; none before anything was counted.
+    pub fn square(&self) -> f64 {
+        let [x, y] = self.mean;
+        if self.variance > 0.0 {
+            (x * x + y * y) / self.variance
+        } else {
+            0.0
+        }
+    }
 }
 
 impl Account {
@@ -58,6 +87,7 @@ impl Account {
             told: Told::nothing(belief.shape),
             belief,
             marks: Marks::default(),
+            drift: Drift::default(),
         }
     }
 }
@@ -165,7 +195,23 @@ pub(super) fn chosen(candidates: &mut Vec<Candidate>) {
     }
 }
 
-/// The accounts after record number `k`, likeliest first; what is common is taken as `common` to judge by.
+/// Records after which what an account says of one is no longer in question.
+const DECIDED_AFTER: usize = 6;
+
+/// Gives up accounts that say otherwise than the likeliest, which is the first, of records that are long past;
+/// `k` is the last.
+pub(super) fn decide(accounts: &mut Vec<Account>, k: usize) {
+    let Some(past) = k.checked_sub(DECIDED_AFTER) else {
+        return;
+    };
+    let Some(best) = accounts.first().map(|best| best.marks.before(past)) else {
+        return;
+    };
+    accounts.retain(|account| account.marks.before(past) == best);
+}
+
+/// The accounts after record number `k`, likeliest first; what is common is taken as `common` to judge by, and a
+/// record that is believed counts `weight` in the drift.
 pub(super) fn told_by(
     mut accounts: Vec<Account>,
     k: usize,
@@ -173,6 +219,7 @@ pub(super) fn told_by(
     rates: &Rates,
     mishaps: &Mishaps,
     common: &[f64],
+    weight: f64,
 ) -> Vec<Account> {
     let slopes = REFERENCES.map(|i| [row[2 * i], row[2 * i + 1]]);
     let mut candidates = Vec::new();
@@ -206,6 +253,7 @@ pub(super) fn told_by(
         match kind {
             Kind::Truth => {
                 let (surprise, room) = &mut surprises[parent];
+                account.drift.count(weight, surprise.deviates());
                 account.belief.believe(surprise, room, &mut account.told);
             }
             Kind::Outlier => account.marks.outliers.push(k),
@@ -218,6 +266,8 @@ pub(super) fn told_by(
                 let told = &mut account.told;
                 account.belief.believe(&surprise, &mut room, told);
                 account.marks.jumps.push((k, axis));
+                // what came before it says nothing of what comes after
+                account.drift = Drift::default();
             }
         }
         after.push(account);

@@ -4,7 +4,7 @@ use super::belief::{Belief, Shape, Told};
 use super::common::{Common, Sum};
 use super::follow::{Alarm, FieldState, Followed, JumpSeen};
 use super::hyper::{Hyper, Marks, Noise, Wander};
-use super::hypotheses::{Account, Mishaps};
+use super::hypotheses::{Account, Drift, Mishaps};
 use super::rows::Structure;
 use super::terms::{AxisCause, Cause};
 use crate::error::CalibrationError;
@@ -56,10 +56,6 @@ pub struct HeliostatParts {
     pub outliers: u64,
     /// As in [`Followed`].
     pub jumps: Vec<JumpSeen>,
-    /// As in [`Followed`].
-    pub drift: [f64; 2],
-    /// As in [`Followed`].
-    pub drift_variance: f64,
     /// Days of the records that are still in doubt \[since 1970\].
     pub undecided: Vec<f64>,
     /// What may have happened, likeliest first; at least one.
@@ -71,6 +67,10 @@ pub struct HeliostatParts {
 pub struct AccountParts {
     /// Logarithm of its likelihood less that of the likeliest.
     pub log_likelihood: f64,
+    /// Running mean of the misses in their standard deviations.
+    pub drift: [f64; 2],
+    /// Variance of either component of that in a heliostat that does what the model says.
+    pub drift_variance: f64,
     /// Unknowns at rest, then wandering zero points, where all common unknowns are zero.
     pub mean: Vec<f64>,
     /// Their derivatives by the common unknowns, row by row.
@@ -194,8 +194,6 @@ impl HeliostatParts {
             records: followed.records,
             outliers: followed.outliers,
             jumps: followed.jumps.clone(),
-            drift: followed.drift,
-            drift_variance: followed.drift_variance,
             undecided: followed.undecided.clone(),
             accounts: followed.accounts.iter().map(AccountParts::of).collect(),
         }
@@ -221,8 +219,6 @@ impl HeliostatParts {
             records: self.records,
             outliers: self.outliers,
             jumps: self.jumps,
-            drift: self.drift,
-            drift_variance: self.drift_variance,
             accounts,
             undecided: self.undecided,
         })
@@ -240,6 +236,8 @@ impl AccountParts {
         };
         Self {
             log_likelihood: account.log_likelihood,
+            drift: account.drift.mean,
+            drift_variance: account.drift.variance,
             mean: belief.mean.clone(),
             gain: belief.gain_by_rows(),
             spread: belief.triangle(),
@@ -260,6 +258,10 @@ impl AccountParts {
         let belief = Belief::of_parts(shape, self.mean, &self.gain, &self.spread);
         let mut account = Account::new(belief);
         account.log_likelihood = self.log_likelihood;
+        account.drift = Drift {
+            mean: self.drift,
+            variance: self.drift_variance,
+        };
         if !(self.matrix.is_empty() && self.vector.is_empty()) {
             check("matrix", &self.matrix, Shape::triangle(common))?;
             check("vector", &self.vector, common)?;

@@ -341,7 +341,7 @@ impl FieldState {
             }
         }
         let heliostat = &self.heliostats[place];
-        let unknowns = self.unknowns(&heliostat.accounts[0].belief);
+        let unknowns = self.unknowns(&heliostat.belief(&self.common));
         let rates = self.hyper().rates();
         let rows = looked.rows(
             candidates

@@ -55,6 +55,8 @@ fn odd(seed: u64, count: usize) -> Vec<f64> {
 fn account(seed: u64, doubted: bool) -> AccountParts {
     AccountParts {
         log_likelihood: -0.1 * seed as f64,
+        drift: [0.1 * seed as f64, -0.2],
+        drift_variance: 0.3,
         mean: odd(seed, 11),
         gain: odd(seed + 1, 154),
         spread: odd(seed + 2, 66),
@@ -96,8 +98,6 @@ fn state(loaded: &LoadedField) -> StateFile {
                 };
                 k
             ],
-            drift: [0.1, -0.2],
-            drift_variance: 0.3,
             undecided: if k == 2 {
                 vec![1.5, 2.5, 3.5]
             } else {
