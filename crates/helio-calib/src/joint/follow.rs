@@ -478,7 +478,11 @@ impl FieldState {
                 CommonCause {
                     cause,
                     value: only_if(self.common.mean[k] / unit),
-                    sigma: self.common.sigma(k) / unit,
+                    sigma: if admitted {
+                        self.common.sigma(k) / unit
+                    } else {
+                        f64::NAN
+                    },
                     spread: if k < still {
                         only_if(libm::sqrt(self.spread[at(k, k)]) / unit)
                     } else {

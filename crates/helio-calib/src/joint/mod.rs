@@ -105,7 +105,8 @@ pub struct CommonCause {
     pub cause: Cause,
     /// Its value (for a cause of each heliostat: the field's mean), in its own unit; zero where it is not admitted.
     pub value: f64,
-    /// One standard deviation of that.
+    /// One standard deviation of that; where it is not admitted, of what would be known of it if it were. NaN
+    /// where that is not known.
     pub sigma: f64,
     /// Standard deviation of heliostats about it, in its own unit.
     pub spread: f64,
@@ -204,6 +205,8 @@ struct Work<'a> {
     told: Sum,
     /// How much likelier the records are with each common unknown that is a cause, as last looked at.
     log_evidence: Vec<f64>,
+    /// One standard deviation of each common unknown, as it last was free.
+    sigma: Vec<f64>,
     level: SimdLevel,
     /// All heliostats, those with most records first: eight of them go side by side.
     order: Vec<usize>,
@@ -381,6 +384,7 @@ impl<'a> Work<'a> {
             common,
             told: Sum::nothing(shape),
             log_evidence: vec![0.0; n],
+            sigma: vec![f64::NAN; n],
         })
     }
 
@@ -624,6 +628,7 @@ impl<'a> Work<'a> {
             let evidence = minus_log_likelihood(sample, &hyper, &prior_sigma)
                 - minus_log_likelihood(sample, &self.hyper, &self.prior_sigma);
             self.log_evidence[k] = evidence;
+            self.sigma[k] = self.common.sigma(k);
             if evidence < self.options.least_log_evidence {
                 self.hyper = hyper;
                 self.prior_sigma = prior_sigma;
@@ -644,6 +649,7 @@ impl<'a> Work<'a> {
                 let group = self.group(k);
                 let evidence = self.common.log_evidence(&group, &self.prior_sigma);
                 self.log_evidence[k] = evidence;
+                self.sigma[k] = self.common.sigma(k);
                 if weakest.as_ref().is_none_or(|(least, _)| evidence < *least) {
                     weakest = Some((evidence, group));
                 }
@@ -722,7 +728,11 @@ impl<'a> Work<'a> {
                 } else {
                     0.0
                 },
-                sigma: self.common.sigma(k) / unit,
+                sigma: if admitted {
+                    self.common.sigma(k)
+                } else {
+                    self.sigma[k]
+                } / unit,
                 spread,
                 log_evidence: self.log_evidence[k],
                 admitted,
