@@ -270,19 +270,14 @@ impl Group {
         }
     }
 
-    /// Of each heliostat the last record of which more is left where the formula was made linear than this: its
-    /// square, in expected variances of one component.
-    pub fn last_beyond(
-        &self,
-        shape: Shape,
-        prior: &Prior<'_>,
-        limit: f64,
-    ) -> [Option<usize>; BLOCK] {
+    /// Square of what is left of each record where the formula was made linear, in expected variances of one
+    /// component: record by record.
+    pub fn misses(&self, shape: Shape, prior: &Prior<'_>) -> Vec<Eight> {
         let rest = shape.row() - column::REST;
         let rates = &prior.rates;
         let wander: f64 = rates.wander.iter().sum();
-        let mut last = [None; BLOCK];
-        for (record, row) in self.rows.chunks_exact(shape.row()).enumerate() {
+        let of_row = |row: &[Eight]| {
+            let mut misses = [0.0; BLOCK];
             for lane in 0..BLOCK {
                 let mut square = 0.0;
                 let mut scatter = rates.beam + rates.spot * row[rest + column::ON_TARGET][lane];
@@ -296,12 +291,11 @@ impl Group {
                     let path = row[rest + column::PATH + i][lane];
                     scatter += 0.5 * rates.sun * path * path;
                 }
-                if square > limit * scatter {
-                    last[lane] = Some(record);
-                }
+                misses[lane] = square / scatter;
             }
-        }
-        last
+            misses
+        };
+        self.rows.chunks_exact(shape.row()).map(of_row).collect()
     }
 
     /// The first linearised records of a heliostat by themselves, one after the other.

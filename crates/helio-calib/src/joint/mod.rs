@@ -179,6 +179,9 @@ const DECIDED_WITHIN_RAD: f64 = 0.01;
 const JUDGED: f64 = 16.0;
 /// The same where it is held against the heliostat's own fit.
 const CLEARLY: f64 = 30.0;
+/// So far off, between two that are not far off at all, that only a spot in a wrong place explains it.
+const FAR_OFF: f64 = 100.0;
+const NOT_FAR_OFF: f64 = 9.0;
 /// What holds a cause that is not admitted to zero, in its expected size.
 const HELD: f64 = 1e-9;
 
@@ -280,6 +283,32 @@ fn fit_at(
         let order = core::mem::take(&mut work.order);
         work.move_on(&mut places, &known, &order, &mut decided);
         work.order = order;
+    }
+}
+
+/// Records of a heliostat that lie clearly off its own fit.
+enum Suspects {
+    None,
+    /// Each far off between two that are not.
+    Alone(Vec<usize>),
+    /// Some others too, up to this one.
+    UpTo(usize),
+}
+
+fn suspects(misses: &[[f64; BLOCK]], lane: usize) -> Suspects {
+    let off = |record: usize| misses.get(record).map_or(f64::INFINITY, |m| m[lane]);
+    let clearly: Vec<usize> = (0..misses.len()).filter(|&k| off(k) > CLEARLY).collect();
+    let Some(&last) = clearly.last() else {
+        return Suspects::None;
+    };
+    let alone = |&k: &usize| {
+        let before = k.checked_sub(1).map_or(f64::INFINITY, off);
+        off(k) > FAR_OFF && before < NOT_FAR_OFF && off(k + 1) < NOT_FAR_OFF
+    };
+    if clearly.iter().all(alone) {
+        Suspects::Alone(clearly)
+    } else {
+        Suspects::UpTo(last)
     }
 }
 
@@ -552,21 +581,42 @@ impl<'a> Work<'a> {
         let mut unexpected = Vec::new();
         for (n, members) in heliostats.chunks(BLOCK).enumerate() {
             self.linearise(group, members, places);
-            let last = group.last_beyond(rows, prior, CLEARLY);
+            let misses = group.misses(rows, prior);
+            let mut judged = [false; BLOCK];
             for (lane, k) in members.iter().enumerate() {
                 if let Some(marks) = before.get(k) {
                     group.mark(rows, lane, marks, jump_mrad);
-                } else if let Some(last) = last[lane] {
-                    // most of those that the filter would find, before it has to run twice
-                    found.insert(*k, self.judge(group, lane, *k, last));
+                    continue;
+                }
+                let count = self.campaigns[*k].observations.len();
+                // most of those that the filter would find, before it has to run twice
+                match suspects(&misses[..count], lane) {
+                    Suspects::None => {}
+                    Suspects::Alone(outliers) => {
+                        let marks = Marks {
+                            outliers,
+                            jumps: Vec::new(),
+                        };
+                        group.mark(rows, lane, &marks, jump_mrad);
+                        found.insert(*k, marks);
+                    }
+                    Suspects::UpTo(last) => {
+                        judged[lane] = true;
+                        found.insert(*k, self.judge(group, lane, *k, last));
+                    }
                 }
             }
             let mut known = Beliefs::default();
             let mut of_group = group.filter(self.level, prior, &mut known);
             for (lane, k) in members.iter().enumerate() {
-                let decided = before.contains_key(k) || found.contains_key(k);
+                let decided = before.contains_key(k) || judged[lane];
                 if known.farthest[lane] > JUDGED && !decided {
-                    found.insert(*k, self.judge(group, lane, *k, usize::MAX));
+                    let mut marks = self.judge(group, lane, *k, usize::MAX);
+                    if let Some(alone) = found.remove(k) {
+                        marks.outliers.extend(alone.outliers);
+                        marks.outliers.sort_unstable();
+                    }
+                    found.insert(*k, marks);
                     of_group.leave_out(lane);
                     unexpected.push(n * BLOCK + lane);
                 }
