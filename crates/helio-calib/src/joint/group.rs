@@ -12,7 +12,10 @@ use rayon::prelude::*;
 use super::belief::{Belief, Number, Rates, Room, Shape, Tied, Told, WANDERING, at, column};
 use super::common::{Common, Sum};
 use super::hyper::{Hyper, Marks};
-use super::rows::{DAY_NS, MILLI, Place, Prepared, SUN_TURN_RAD_S, Structure, in_time, linearise};
+use super::rows::{
+    BOUNDLESS, DAY_NS, MILLI, Place, Prepared, SUN_TURN_RAD_S, Structure, in_time, linearise,
+    usable,
+};
 use crate::field::Campaign;
 use crate::field::lane::{Eight, Lane};
 use crate::model::Real;
@@ -43,7 +46,7 @@ mod given {
     pub const TARGET: usize = 20;
     /// Since the record before.
     pub const DAYS: usize = 21;
-    /// 0 where there is no record.
+    /// 0 where there is no record that can be used.
     pub const LIVE: usize = 22;
     pub const COUNT: usize = 23;
 }
@@ -346,6 +349,11 @@ fn place(
     days: f64,
 ) {
     let columns = &mut columns.0;
+    // time goes on where a record tells nothing
+    columns[given::DAYS][lane] = days;
+    if !usable(observation) {
+        return;
+    }
     let plane = &observation.plane;
     let vectors = [
         (given::SUN, observation.sun.as_enu()),
@@ -365,7 +373,6 @@ fn place(
     columns[given::SPOT + 1][lane] = observation.v_m;
     columns[given::SIGMA][lane] = observation.sigma_m.unwrap_or(0.0);
     columns[given::TARGET][lane] = observation.target as f64;
-    columns[given::DAYS][lane] = days;
     columns[given::LIVE][lane] = 1.0;
 }
 
@@ -538,6 +545,13 @@ fn linearise_some<L: Lanes>(some: &mut Linearise<'_>, lane: usize) {
         };
         let target = Lane::read(&given[given::TARGET], lane);
         let lands = linearise(structure, &place, &prepared, target, &mut row);
+        let sigma = Lane::read(&given[given::SIGMA], lane);
+        let stated = zero.lt(sigma);
+        let per_square = per * per;
+        let numbers = [
+            (column::STATED, per_square * sigma * sigma),
+            (column::ON_TARGET, Lane::select(stated, zero, per_square)),
+        ];
         // not a number where any number is none
         let mut bad = zero;
         for value in &row[..rest + column::STATED] {
@@ -552,21 +566,15 @@ fn linearise_some<L: Lanes>(some: &mut Linearise<'_>, lane: usize) {
             zero,
         );
         fine = Lane::select(bad.le(zero), fine, zero);
+        for (_, value) in numbers {
+            fine = Lane::select(value.lt(Lane::splat(BOUNDLESS)), fine, zero);
+        }
         let tells = zero.lt(fine);
         for (value, out) in row[..rest + column::STATED].iter().zip(out.iter_mut()) {
             Lane::select(tells, *value, zero).write(out, lane);
         }
-        let sigma = Lane::read(&given[given::SIGMA], lane);
-        let stated = zero.lt(sigma);
-        let per_square = per * per;
-        let on_target = Lane::select(stated, zero, per_square);
-        let live = zero.lt(Lane::<L>::read(&given[given::LIVE], lane));
-        let numbers = [
-            (column::STATED, per_square * sigma * sigma),
-            (column::ON_TARGET, on_target),
-        ];
         for (which, value) in numbers {
-            Lane::select(live, value, zero).write(&mut out[rest + which], lane);
+            Lane::select(tells, value, zero).write(&mut out[rest + which], lane);
         }
         Lane::<L>::read(&given[given::DAYS], lane).write(&mut out[rest + column::DAYS], lane);
         (one - fine).write(&mut out[rest + column::SILENT], lane);
@@ -1064,7 +1072,7 @@ mod tests {
     }
 
     /// The filter of one heliostat, record by record about zero, is what the lanes are held to: with a jump,
-    /// a record that is not believed and lengths that differ.
+    /// a record that is not believed, some that cannot be used and lengths that differ.
     #[test]
     fn lanes_know_and_tell_what_the_filter_of_one_does() {
         let options = FieldOptions {
@@ -1075,6 +1083,11 @@ mod tests {
         let field = simulate_field(&options).unwrap();
         let mut campaigns = field.first(14);
         campaigns[1].observations = &campaigns[1].observations[..9];
+        let mut unusable = campaigns[2].observations.to_vec();
+        unusable[3].sigma_m = Some(f64::NAN);
+        unusable[7].u_m = f64::INFINITY;
+        unusable[8].sigma_m = Some(0.02);
+        campaigns[2].observations = &unusable;
         let structure = Structure {
             own: vec![AxisCause::Axis2Eccentricity],
             shared: vec![

@@ -351,7 +351,8 @@ impl Search {
 }
 
 /// Makes the likelihood large over noise and wander by quasi-Newton steps, and over the heliostats' spread by
-/// expectation and maximisation in between.
+/// expectation and maximisation in between. Whether that ended where no step promises more, and not because rounds
+/// ran out (as where no step gains what it promised) or a number was not finite.
 pub(super) fn learn(
     sample: &Sample,
     hyper: &mut Hyper,
@@ -359,7 +360,7 @@ pub(super) fn learn(
     expected_spread: &[f64],
     free: &Free,
     search: &mut Option<Search>,
-) {
+) -> bool {
     let values = |hyper: &Hyper, places: &[Logarithms]| -> Vec<f64> {
         let there = |logarithms: &Logarithms| {
             let mut there = hyper.clone();
@@ -392,7 +393,7 @@ pub(super) fn learn(
         let mut above = values(hyper, &places);
         let here = above.pop().unwrap_or(f64::INFINITY);
         if !here.is_finite() {
-            return;
+            return false;
         }
         let mut slope = [0.0; SEARCHED];
         let known = match search {
@@ -419,7 +420,7 @@ pub(super) fn learn(
         let step = known.step(&slope);
         let promised = -0.5 * dot(&step, &slope);
         if promised < ENOUGH && gained < ENOUGH {
-            return;
+            return true;
         }
         let mut by = 1.0;
         for _ in 0..HALVED {
@@ -432,6 +433,7 @@ pub(super) fn learn(
         }
         before = Some((here, from, slope));
     }
+    false
 }
 
 /// Variance of heliostats in what they are not to differ in \[mrad²\]: none, but one that can be divided by.

@@ -28,7 +28,8 @@ mod terms;
 mod worth;
 mod zero;
 
-use std::collections::BTreeMap;
+use std::borrow::Cow;
+use std::collections::{BTreeMap, BTreeSet};
 
 use helio_core::SimdLevel;
 use helio_core::lanes::BLOCK;
@@ -36,6 +37,7 @@ use rayon::prelude::*;
 
 use crate::error::CalibrationError;
 use crate::field::{Campaign, FieldFitOptions, fit_field};
+use crate::observation::Observation;
 use belief::{Belief, Shape, WANDERING};
 use common::{Common, Sum};
 pub use follow::{Alarm, FieldState, Followed, JumpSeen, Known, Step, StepKind};
@@ -51,8 +53,9 @@ pub use hypotheses::Mishaps;
 use judge::Judge;
 pub use leftovers::{Leftover, LeftoverOptions, LeftoverParts, Leftovers};
 pub use parts::{AccountParts, HeliostatParts, StateParts};
+use parts::{check_latitude, check_mishaps, demand};
 pub use rows::DAY_NS;
-use rows::{ANGLES, MILLI, Structure, filter_unit, in_time, pole};
+use rows::{ANGLES, MILLI, Structure, filter_unit, in_time, pole, usable};
 pub use terms::{AxisCause, Cause, Description, Scope};
 pub use worth::Worth;
 pub use zero::ZeroPoint;
@@ -68,13 +71,14 @@ pub struct JointOptions {
     pub target_shifts: bool,
     /// Whether the sun's time may be off.
     pub sun_time: bool,
-    /// How much likelier (logarithm) the whole field's records must be with a cause than without it.
+    /// How much likelier (logarithm) the whole field's records must be with a cause than without it; minus infinity
+    /// admits all causes, infinity none.
     pub least_log_evidence: f64,
     /// How often things go wrong.
     pub mishaps: Mishaps,
     /// Parts of the model that are left out.
     pub left_out: Vec<Part>,
-    /// Noise and wander are learnt from at most so many heliostats, evenly chosen.
+    /// Noise and wander are learnt from at most so many heliostats, evenly chosen; at least one.
     pub learnt_from: usize,
     /// Times that the formula is made linear anew.
     pub expansions: usize,
@@ -95,6 +99,15 @@ impl JointOptions {
             learnt_from: 128,
             expansions: 3,
         }
+    }
+
+    fn check(&self) -> Result<(), CalibrationError> {
+        check_latitude(self.site_latitude_rad)?;
+        check_mishaps(&self.mishaps)?;
+        let least = self.least_log_evidence;
+        demand("least_log_evidence", !least.is_nan(), "a number", least)?;
+        let count = self.learnt_from;
+        demand("learnt_from", count >= 1, "at least 1", count as f64)
     }
 }
 
@@ -125,7 +138,8 @@ pub struct Posterior {
     pub wandering: [f64; WANDERING],
     /// Covariance of all of these \[rad²\], row by row; what is common is part of it.
     pub covariance: Vec<f64>,
-    /// Its last record \[days since 1970\].
+    /// Its last record with a time \[days since 1970\]; none where no record has one: those then count as made
+    /// together with the first that comes after them.
     pub last_day: Option<f64>,
     /// Observations that were not believed.
     pub outliers: Vec<usize>,
@@ -150,6 +164,9 @@ pub struct JointFit {
     pub wander: Wander,
     /// Minus the logarithm of the likelihood of the heliostats that noise and wander were learnt from.
     pub minus_log_likelihood: f64,
+    /// Whether the search for noise, wander and distribution ended where no step promised more. False where its
+    /// rounds ran out or a number was not finite: everything here is then what was found until then.
+    pub converged: bool,
     /// In the order of the campaigns.
     pub heliostats: Vec<Posterior>,
     /// What is known of them as a function of what is common, eight by eight in another order.
@@ -208,6 +225,8 @@ struct Work<'a> {
     told: Sum,
     /// How much likelier the records are with each common unknown that is a cause, as last looked at.
     log_evidence: Vec<f64>,
+    /// Whether in this pass noise and wander were found, and what is common each time.
+    converged: bool,
     /// One standard deviation of each common unknown, as it last was free.
     sigma: Vec<f64>,
     level: SimdLevel,
@@ -236,8 +255,13 @@ struct Places {
 
 /// Fits a field together.
 ///
+/// A record tells nothing, and keeps its place, where its beam does not meet its target, a number of it is not finite
+/// or its `sigma_m` is not positive.
+///
 /// # Errors
-/// [`CalibrationError::BadOption`] where an option makes no sense.
+/// [`CalibrationError::BadOption`] where an option makes no sense: a latitude beyond ±π/2; probabilities of mishaps
+/// that are negative or sum to 1 or more; sizes of mishaps that are not positive and finite; `least_log_evidence` NaN;
+/// `learnt_from` 0.
 pub fn fit_joint(
     campaigns: &[Campaign<'_>],
     options: &JointOptions,
@@ -331,27 +355,20 @@ impl<'a> Work<'a> {
         options: &'a JointOptions,
         level: SimdLevel,
     ) -> Result<Self, CalibrationError> {
-        let latitude = options.site_latitude_rad;
-        if latitude.is_nan() || latitude.abs() > core::f64::consts::FRAC_PI_2 {
-            return Err(CalibrationError::BadOption {
-                what: "site_latitude_rad",
-                wanted: "within ±π/2",
-                value: latitude,
-            });
+        options.check()?;
+        let mut targets = BTreeSet::new();
+        for observation in campaigns.iter().flat_map(|c| c.observations) {
+            if !targets.contains(&observation.target) && usable(observation) {
+                targets.insert(observation.target);
+            }
         }
-        let targets = campaigns
-            .iter()
-            .flat_map(|c| c.observations)
-            .map(|o| o.target + 1)
-            .max()
-            .unwrap_or(0);
         let (own, shared): (Vec<AxisCause>, Vec<AxisCause>) = options
             .axis_causes
             .iter()
             .partition(|cause| cause.description().expected_spread > 0.0);
         let mut shared: Vec<Cause> = shared.into_iter().map(Cause::Axis).collect();
         if options.target_shifts {
-            for target in 0..targets {
+            for target in targets {
                 shared.extend([Cause::TargetRight(target), Cause::TargetDown(target)]);
             }
         }
@@ -405,7 +422,7 @@ impl<'a> Work<'a> {
             },
             structure,
             shape,
-            pole: pole(latitude),
+            pole: pole(options.site_latitude_rad),
             prior_sigma,
             expected_spread,
             hyper,
@@ -413,6 +430,7 @@ impl<'a> Work<'a> {
             common,
             told: Sum::nothing(shape),
             log_evidence: vec![0.0; n],
+            converged: true,
             sigma: vec![f64::NAN; n],
         })
     }
@@ -423,13 +441,30 @@ impl<'a> Work<'a> {
             level: Some(self.level),
             ..FieldFitOptions::default()
         };
-        let fits = fit_field(self.campaigns, &options);
+        // such a fit takes no records but those that can be used
+        let used: Vec<Cow<'_, [Observation]>> = self
+            .campaigns
+            .iter()
+            .map(|campaign| match campaign.observations {
+                all if all.iter().all(usable) => Cow::Borrowed(all),
+                all => all.iter().filter(|o| usable(o)).copied().collect(),
+            })
+            .collect();
+        let campaigns: Vec<Campaign<'_>> = used
+            .iter()
+            .zip(self.campaigns)
+            .map(|(observations, campaign)| Campaign {
+                observations,
+                ..*campaign
+            })
+            .collect();
+        let fits = fit_field(&campaigns, &options);
         let mut places = Places {
             still: vec![0.0; self.campaigns.len() * self.shape.still],
             shared: vec![0.0; self.shape.causes],
         };
         let stills = places.still.chunks_exact_mut(self.shape.still);
-        for ((fit, campaign), still) in fits.into_iter().zip(self.campaigns).zip(stills) {
+        for ((fit, campaign), still) in fits.into_iter().zip(&campaigns).zip(stills) {
             if let Ok(fit) = fit
                 && campaign.observations.len() >= BEGIN_WITH_FIT
                 && fit.parameters.values[..ANGLES]
@@ -521,7 +556,7 @@ impl<'a> Work<'a> {
     }
 
     fn learn(&mut self, sample: &Sample) {
-        learn(
+        self.converged = learn(
             sample,
             &mut self.hyper,
             &self.prior_sigma,
@@ -534,8 +569,13 @@ impl<'a> Work<'a> {
     /// What the sample alone says of what is common.
     fn meet(&mut self, sample: &Sample) {
         let (_, told) = sample.filter(&self.hyper);
-        if let Some(common) = Common::new(&told, &self.prior_sigma) {
-            self.common = common;
+        self.take(Common::new(&told, &self.prior_sigma));
+    }
+
+    fn take(&mut self, common: Option<Common>) {
+        match common {
+            Some(common) => self.common = common,
+            None => self.converged = false,
         }
     }
 
@@ -641,9 +681,7 @@ impl<'a> Work<'a> {
     }
 
     fn meet_all(&mut self) {
-        if let Some(common) = Common::new(&self.told, &self.prior_sigma) {
-            self.common = common;
-        }
+        self.take(Common::new(&self.told, &self.prior_sigma));
     }
 
     /// Causes that stand or fall together: all shifts of targets, which together are nearly a turn of all
@@ -840,6 +878,7 @@ impl<'a> Work<'a> {
             noise: self.hyper.noise,
             wander: self.hyper.wander,
             minus_log_likelihood: likelihood,
+            converged: self.converged && likelihood.is_finite(),
             heliostats,
             known,
             place,
@@ -870,8 +909,7 @@ impl<'a> Work<'a> {
                 still: (0..still).map(mean).collect(),
                 wandering: core::array::from_fn(|i| mean(still + i)),
                 covariance: covariance.collect(),
-                last_day: (!observations.is_empty())
-                    .then(|| last_ns.unwrap_or_default() as f64 / DAY_NS),
+                last_day: last_ns.map(|ns| ns as f64 / DAY_NS),
                 outliers: Vec::new(),
                 jumps: Vec::new(),
                 records: observations.len(),

@@ -1,6 +1,8 @@
-//! A followed field as plain numbers, for its file.
+//! A followed field as plain numbers, for its file; what such numbers, and options, must be.
 
-use super::belief::{Belief, Shape, Told};
+use std::collections::HashSet;
+
+use super::belief::{Belief, Shape, Told, at};
 use super::common::{Common, Sum};
 use super::follow::{Alarm, FieldState, Followed, JumpSeen};
 use super::hyper::{Hyper, Marks, Noise, Wander};
@@ -114,8 +116,16 @@ impl FieldState {
     /// From its parts: bit for bit the state that they were taken from.
     ///
     /// # Errors
-    /// [`CalibrationError::BadOption`] where lengths do not fit each other or numbers are not finite.
+    /// [`CalibrationError::BadOption`] where lengths do not fit each other, a number is not finite or not what it can
+    /// be (such as a negative variance, a probability above 1, a third axis), or two heliostats share a name.
     pub fn from_parts(parts: StateParts) -> Result<Self, CalibrationError> {
+        check_latitude(parts.site_latitude_rad)?;
+        check_mishaps(&parts.mishaps)?;
+        check_rates(&parts.noise, &parts.wander)?;
+        share("alarm.false_alarm_rate", parts.alarm.false_alarm_rate)?;
+        share("alarm.weight", parts.alarm.weight)?;
+        finite("square", parts.square)?;
+        finite("log_determinant", parts.log_determinant)?;
         let structure = Structure {
             own: parts.own,
             shared: parts.shared,
@@ -130,6 +140,21 @@ impl FieldState {
         ];
         for (what, numbers, length) in right {
             check(what, numbers, length)?;
+        }
+        for &sigma in &parts.prior_sigma {
+            not_negative("prior_sigma", sigma)?;
+        }
+        check_diagonal("variance in spread", &parts.spread, shape.still)?;
+        check_diagonal("diagonal of matrix", &parts.matrix, common)?;
+        let mut ids = HashSet::new();
+        for (k, heliostat) in parts.heliostats.iter().enumerate() {
+            let new = ids.insert(heliostat.id.as_str());
+            demand(
+                "heliostat by its place",
+                new,
+                "of a name of its own",
+                k as f64,
+            )?;
         }
         let mut told = Told::nothing(shape);
         told.matrix = parts.matrix;
@@ -168,6 +193,82 @@ impl FieldState {
     }
 }
 
+/// Refuses what is not as it must be.
+pub(super) fn demand(
+    what: &'static str,
+    holds: bool,
+    wanted: &'static str,
+    value: f64,
+) -> Result<(), CalibrationError> {
+    if holds {
+        return Ok(());
+    }
+    Err(CalibrationError::BadOption {
+        what,
+        wanted,
+        value,
+    })
+}
+
+fn finite(what: &'static str, value: f64) -> Result<(), CalibrationError> {
+    demand(what, value.is_finite(), "finite", value)
+}
+
+fn not_negative(what: &'static str, value: f64) -> Result<(), CalibrationError> {
+    let holds = value.is_finite() && value >= 0.0;
+    demand(what, holds, "finite and not negative", value)
+}
+
+fn positive(what: &'static str, value: f64) -> Result<(), CalibrationError> {
+    let holds = value.is_finite() && value > 0.0;
+    demand(what, holds, "finite and above 0", value)
+}
+
+fn share(what: &'static str, value: f64) -> Result<(), CalibrationError> {
+    demand(what, (0.0..=1.0).contains(&value), "within 0 to 1", value)
+}
+
+fn check_diagonal(
+    what: &'static str,
+    triangle: &[f64],
+    length: usize,
+) -> Result<(), CalibrationError> {
+    (0..length).try_for_each(|i| not_negative(what, triangle[at(i, i)]))
+}
+
+fn check_axis(axis: usize) -> Result<(), CalibrationError> {
+    demand("axis of a jump", axis < 2, "0 or 1", axis as f64)
+}
+
+pub(super) fn check_latitude(latitude_rad: f64) -> Result<(), CalibrationError> {
+    let holds = latitude_rad.abs() <= core::f64::consts::FRAC_PI_2;
+    demand("site_latitude_rad", holds, "within ±π/2", latitude_rad)
+}
+
+pub(super) fn check_mishaps(mishaps: &Mishaps) -> Result<(), CalibrationError> {
+    not_negative("mishaps.outlier", mishaps.outlier)?;
+    not_negative("mishaps.jump", mishaps.jump)?;
+    let sum = mishaps.outlier + mishaps.jump;
+    demand("mishaps.outlier + mishaps.jump", sum < 1.0, "below 1", sum)?;
+    positive("mishaps.outlier_mrad", mishaps.outlier_mrad)?;
+    positive("mishaps.jump_mrad", mishaps.jump_mrad)
+}
+
+fn check_rates(noise: &Noise, wander: &Wander) -> Result<(), CalibrationError> {
+    // without it a record could be exact
+    positive("noise.beam_mrad", noise.beam_mrad)?;
+    not_negative("noise.spot_m", noise.spot_m)?;
+    not_negative("noise.sun_path_s", noise.sun_path_s)?;
+    for mrad in wander.slow_mrad {
+        not_negative("wander.slow_mrad", mrad)?;
+    }
+    for mrad in wander.fast_mrad {
+        not_negative("wander.fast_mrad", mrad)?;
+    }
+    positive("wander.slow_days", wander.slow_days)?;
+    positive("wander.fast_days", wander.fast_days)
+}
+
 fn check(what: &'static str, numbers: &[f64], length: usize) -> Result<(), CalibrationError> {
     if numbers.len() != length {
         return Err(CalibrationError::BadOption {
@@ -200,6 +301,13 @@ impl HeliostatParts {
     }
 
     fn followed(self, empty: &Belief<f64>) -> Result<Followed, CalibrationError> {
+        for &day in self.last_day.iter().chain(&self.undecided) {
+            finite("day of a record", day)?;
+        }
+        for jump in &self.jumps {
+            finite("day of a jump", jump.day)?;
+            check_axis(jump.axis)?;
+        }
         let undecided = self.undecided.len();
         let accounts: Vec<Account> = self
             .accounts
@@ -255,6 +363,16 @@ impl AccountParts {
         check("mean", &self.mean, own)?;
         check("gain", &self.gain, own * common)?;
         check("spread", &self.spread, Shape::triangle(own))?;
+        check_diagonal("variance in spread", &self.spread, own)?;
+        finite("log_likelihood", self.log_likelihood)?;
+        finite("square", self.square)?;
+        for drift in self.drift {
+            finite("drift", drift)?;
+        }
+        not_negative("drift_variance", self.drift_variance)?;
+        for &(_, axis) in &self.jumps {
+            check_axis(axis)?;
+        }
         let belief = Belief::of_parts(shape, self.mean, &self.gain, &self.spread);
         let mut account = Account::new(belief);
         account.log_likelihood = self.log_likelihood;
@@ -265,6 +383,7 @@ impl AccountParts {
         if !(self.matrix.is_empty() && self.vector.is_empty()) {
             check("matrix", &self.matrix, Shape::triangle(common))?;
             check("vector", &self.vector, common)?;
+            check_diagonal("diagonal of matrix", &self.matrix, common)?;
             account.told.matrix = self.matrix;
             account.told.vector = self.vector;
             account.told.square = self.square;

@@ -9,7 +9,7 @@ use super::hyper::Marks;
 use super::terms::{AxisCause, Cause, LoadedPose};
 use crate::field::Campaign;
 use crate::model::{Pose, landing, normal, turned_back, turned_on};
-use crate::observation::Sighting;
+use crate::observation::{Observation, Sighting};
 use crate::parameters::{COUNT, Parameter, Parameters};
 
 /// Angles of a mount.
@@ -299,6 +299,36 @@ fn sun_motion(sun: EnuUnit, pole: Enu) -> Enu {
     sun.as_enu().cross(pole) * SUN_TURN_RAD_S
 }
 
+/// Whether all numbers of a record can be meant; where one cannot, the record tells nothing.
+pub(super) fn usable(observation: &Observation) -> bool {
+    let Observation {
+        sun,
+        axis1_rad,
+        axis2_rad,
+        plane,
+        u_m,
+        v_m,
+        sigma_m,
+        ..
+    } = observation;
+    let vectors = [
+        sun.as_enu(),
+        plane.centre,
+        plane.normal.as_enu(),
+        plane.right.as_enu(),
+        plane.down.as_enu(),
+    ];
+    [*axis1_rad, *axis2_rad, *u_m, *v_m]
+        .iter()
+        .all(|x| x.is_finite())
+        && vectors.into_iter().all(Enu::is_finite)
+        && sigma_m.is_none_or(|sigma_m| sigma_m > 0.0 && (sigma_m * sigma_m).is_finite())
+}
+
+/// A record of a variance above this \[mrad²\], a kiloradian, tells nothing: products of such variances would leave
+/// the range of doubles.
+pub(super) const BOUNDLESS: f64 = 1e12;
+
 /// What does not depend on where the model is expanded.
 pub(super) fn prepare(campaign: &Campaign<'_>, of: usize, pole: Enu) -> Prepared<f64> {
     let (mount, observation) = (&campaign.mount, &campaign.observations[of]);
@@ -337,8 +367,8 @@ pub(super) fn in_time(campaign: &Campaign<'_>) -> (Vec<usize>, Vec<f64>) {
 }
 
 impl Rows {
-    /// Linearises the records of a heliostat about `at`. Those whose beam does not meet its target there tell
-    /// nothing.
+    /// Linearises the records of a heliostat about `at`. Those whose beam does not meet its target there, and those
+    /// that are not [`usable`], tell nothing.
     pub fn of(structure: &Structure, campaign: &Campaign<'_>, at: &Expansion, pole: Enu) -> Self {
         let shape = structure.shape();
         let (of, days) = in_time(campaign);
@@ -351,14 +381,16 @@ impl Rows {
             let prepared = prepare(campaign, of[k], pole);
             let lands = linearise(structure, &place, &prepared, observation.target as f64, row);
             let rest = shape.row() - column::REST;
-            let numbers_finite = row.iter().all(|x| x.is_finite());
-            if !(numbers_finite && lands.iter().all(|x| *x > 0.0)) {
-                silence(shape, row);
-            }
             let per = prepared.across[0][0].hypot(prepared.across[0][1]);
             match observation.sigma_m {
                 Some(sigma_m) => row[rest + column::STATED] = per * per * sigma_m * sigma_m,
                 None => row[rest + column::ON_TARGET] = per * per,
+            }
+            let bounded = row[rest + column::STATED].max(row[rest + column::ON_TARGET]) < BOUNDLESS;
+            let finite = row.iter().all(|x| x.is_finite());
+            let tells = usable(observation) && bounded && finite && lands.iter().all(|x| *x > 0.0);
+            if !tells {
+                silence(shape, row);
             }
             if k > 0 {
                 row[rest + column::DAYS] = days[k] - days[k - 1];
@@ -385,7 +417,7 @@ impl Rows {
 pub(super) fn silence(shape: Shape, row: &mut [f64]) {
     let rest = shape.row() - column::REST;
     row[..rest].fill(0.0);
-    row[rest + column::SEEN..rest + column::PATH + 2].fill(0.0);
+    row[rest + column::SEEN..=rest + column::ON_TARGET].fill(0.0);
     row[rest + column::SILENT] = 1.0;
 }
 

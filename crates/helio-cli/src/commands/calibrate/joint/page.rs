@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use helio_calib::Parameter;
-use helio_calib::joint::{Scope, StepKind, ZeroPoint};
+use helio_calib::joint::{CommonCause, Scope, StepKind, ZeroPoint};
 use helio_io::LoadedField;
 use helio_report::joint::{
     CauseLine, HeliostatLine, JointPage, NumberLine, RecordLine, jumped, tracks,
@@ -17,6 +17,9 @@ use crate::calibration_page::{facts, made_at, site_name};
 /// Records that a page is given at most: of larger fields those of some heliostats, evenly chosen.
 const MOST_RECORDS: usize = 1_000_000;
 
+/// Angles of a mount.
+const ANGLES: usize = 6;
+
 /// What a page is made of.
 pub(super) struct Source<'a> {
     pub(super) loaded: &'a LoadedField,
@@ -27,15 +30,19 @@ pub(super) struct Source<'a> {
 impl Source<'_> {
     pub(super) fn page(&self) -> JointPage {
         let state = self.found.state;
-        let own = self.found.causes.iter();
-        let own = own.filter(|cause| cause.cause.description().scope == Scope::Heliostat);
-        let unknowns = Parameter::ALL[..6]
+        let own = self.own_causes();
+        let unknowns: Vec<String> = Parameter::ALL[..ANGLES]
             .iter()
             .map(|parameter| parameter.in_words())
-            .chain(own.map(|cause| cause.cause.description().in_words))
+            .chain(own.iter().map(|cause| cause.cause.description().in_words))
             .map(str::to_owned)
             .collect();
-        let mrad = |values: Vec<f64>, factor: f64| values.into_iter().map(|x| factor * x).collect();
+        let shown = self.shown();
+        let (mean, covariance) = (state.field_mean(), state.field_covariance());
+        let all = mean.len();
+        let pairs = shown
+            .iter()
+            .flat_map(|&i| shown.iter().map(move |&j| (i, j)));
         let mut page = JointPage {
             followed: self.found.zeros.is_none(),
             title: format!("{} as one", site_name(self.loaded)),
@@ -45,13 +52,29 @@ impl Source<'_> {
             findings: self.findings.clone(),
             causes: self.causes(),
             noise: self.noise(),
-            unknowns,
-            mean_mrad: mrad(state.field_mean(), 1e3),
-            covariance_mrad2: mrad(state.field_covariance(), 1e6),
+            unknowns: shown.iter().map(|&k| unknowns[k].clone()).collect(),
+            mean_mrad: shown.iter().map(|&k| 1e3 * mean[k]).collect(),
+            covariance_mrad2: pairs.map(|(i, j)| 1e6 * covariance[i * all + j]).collect(),
             heliostats: self.heliostats(),
         };
         self.smooth(&mut page);
         page
+    }
+
+    fn own_causes(&self) -> Vec<&CommonCause> {
+        let causes = self.found.causes.iter();
+        causes
+            .filter(|cause| cause.cause.description().scope == Scope::Heliostat)
+            .collect()
+    }
+
+    /// Of the heliostats' own unknowns those that the page shows: six angles and the causes that are admitted.
+    fn shown(&self) -> Vec<usize> {
+        let own = self.own_causes().into_iter().enumerate();
+        let admitted = own.filter(|(_, cause)| cause.admitted);
+        (0..ANGLES)
+            .chain(admitted.map(|(k, _)| ANGLES + k))
+            .collect()
     }
 
     /// Zero points that the page shows, as all records tell them.
@@ -192,11 +215,12 @@ impl Source<'_> {
             .filter_map(|(place, row)| Some(((*row)?, place)))
             .collect();
         places.sort_unstable();
+        let shown = self.shown();
         let mut lines: Vec<HeliostatLine> = places
             .par_iter()
             .map(|&(row, place)| {
                 let (values, sigmas) = found.state.at_rest(place);
-                let mrad = |x: Vec<f64>| x.into_iter().map(|x| 1e3 * x).collect();
+                let mrad = |x: Vec<f64>| shown.iter().map(|&k| 1e3 * x[k]).collect();
                 HeliostatLine {
                     id: self.loaded.field.ids()[row].clone(),
                     observations: found.state.heliostats()[place].records as usize,
