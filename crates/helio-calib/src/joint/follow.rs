@@ -517,6 +517,7 @@ impl Followed {
         let shape = context.shape;
         let rest = shape.row() - column::REST;
         let mut settled: Option<Sum> = None;
+        let timed = campaign.observations.iter().any(|o| o.unix_ns.is_some());
         let mut at = self.place(context);
         let mut rows = Rows::of(context.structure, campaign, &at, context.pole);
         let mut steps = Vec::with_capacity(rows.len());
@@ -540,7 +541,9 @@ impl Followed {
                     account.belief.wait(kept, added);
                 }
             }
-            self.last_day = Some(self.last_day.map_or(day, |last| last.max(day)));
+            if timed {
+                self.last_day = Some(self.last_day.map_or(day, |last| last.max(day)));
+            }
             self.records += 1;
             let before = self.belief(context.common);
             let before = foretold(shape, row, context.rates, &before, context.common);

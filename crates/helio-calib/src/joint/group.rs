@@ -294,7 +294,9 @@ impl Group {
                     let path = row[rest + column::PATH + i][lane];
                     scatter += 0.5 * rates.sun * path * path;
                 }
-                misses[lane] = square / scatter;
+                // of a record that tells nothing, nothing is known
+                let silent = row[rest + column::SILENT][lane] > 0.0;
+                misses[lane] = if silent { f64::NAN } else { square / scatter };
             }
             misses
         };

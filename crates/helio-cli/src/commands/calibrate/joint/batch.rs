@@ -1,9 +1,7 @@
 //! `--joint`: all records of a field at once.
 
 use helio_calib::Campaign;
-use helio_calib::joint::{
-    DAY_NS, FieldState, History, JointFit, JointOptions, StepKind, fit_joint,
-};
+use helio_calib::joint::{FieldState, History, JointFit, JointOptions, StepKind, fit_joint};
 use helio_io::{KeptMount, Observations, StateFile, write_state};
 use rayon::prelude::*;
 
@@ -40,16 +38,21 @@ impl Run<'_> {
             .enumerate()
             .map(|(k, campaign)| fit.history(k, campaign))
             .collect();
-        let (judged, mut jumps, mut seen) = self.told(&histories, &observations);
-        for jump in jumps.iter_mut().take(SAID) {
-            jump.size_rad = jump.unix_ns.and_then(|ns| {
-                let zeros = fit.zero_points(jump.index, &campaigns[jump.index])?;
-                let day = ns as f64 / DAY_NS;
-                let after = zeros.iter().position(|zero| zero.day == day)?;
-                let before = zeros.get(after.checked_sub(1)?)?;
-                Some(zeros[after].zero_rad[jump.axis] - before.zero_rad[jump.axis])
-            });
-        }
+        let (judged, jumps, mut seen) = self.told(&histories, &observations);
+        let jumps: Vec<JumpFound> = jumps
+            .into_iter()
+            .enumerate()
+            .map(|(n, (observation, jump))| {
+                let size = || {
+                    let zeros = fit.zero_points(jump.index, &campaigns[jump.index])?;
+                    let after = zeros.iter().position(|z| z.observation == observation)?;
+                    let before = zeros.get(after.checked_sub(1)?)?;
+                    Some(zeros[after].zero_rad[jump.axis] - before.zero_rad[jump.axis])
+                };
+                let size_rad = if n < SAID { size() } else { None };
+                JumpFound { size_rad, ..jump }
+            })
+            .collect();
         let (state, rows) = self.followed(&fit, &observations)?;
         seen.resize(rows.len(), Seen::default());
         let found = Found {
@@ -64,11 +67,14 @@ impl Run<'_> {
             targets: &observations.targets,
             provenance: &provenance,
         };
-        if let Some(path) = &self.args.joint.leftovers {
-            let day = self.day(&state)?;
-            self.leftovers(path, &fit, &campaigns, &observations, &day)?;
-        }
+        let left = match &self.args.joint.leftovers {
+            Some(path) => Some((path, self.left(&fit, &campaigns, &self.day(&state)?)?)),
+            None => None,
+        };
         let written = self.write(asked, &found)?;
+        if let Some((path, left)) = &left {
+            self.write_left(path, left, &observations)?;
+        }
         if let Some(path) = &self.args.joint.state {
             let file = StateFile {
                 parts: state.parts(),
@@ -113,12 +119,12 @@ impl Run<'_> {
         Ok((state, rows.into_iter().map(Some).collect()))
     }
 
-    /// What became of every record.
+    /// What became of every record; jumps each with its observation.
     fn told(
         &self,
         histories: &[Vec<History>],
         observations: &Observations,
-    ) -> (Vec<Judged>, Vec<JumpFound>, Vec<Seen>) {
+    ) -> (Vec<Judged>, Vec<(usize, JumpFound)>, Vec<Seen>) {
         let mut judged = Vec::new();
         let mut jumps = Vec::new();
         let mut seen = Vec::with_capacity(histories.len());
@@ -144,14 +150,15 @@ impl Run<'_> {
                     StepKind::Misses
                 };
                 if let Some(axis) = jumped {
-                    jumps.push(JumpFound {
+                    let jump = JumpFound {
                         index,
                         unix_ns,
                         axis,
                         size_rad: None,
                         missed_mrad: Some(one.foretold.beam_mrad()),
                         certain: true,
-                    });
+                    };
+                    jumps.push((one.observation, jump));
                 }
                 if let Some(ns) = unix_ns {
                     let (first, last) = of_one.times.unwrap_or((ns, ns));

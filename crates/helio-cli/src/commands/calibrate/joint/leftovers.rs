@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use helio_calib::Campaign;
-use helio_calib::joint::{JointFit, LeftoverOptions};
+use helio_calib::joint::{JointFit, LeftoverOptions, Leftovers};
 use helio_io::output::Format;
 use helio_io::{Observations, write_leftovers};
 
@@ -26,20 +26,27 @@ pub(super) fn format(path: &Path) -> Result<Format, Failure> {
 }
 
 impl Run<'_> {
-    pub(super) fn leftovers(
+    pub(super) fn left(
         &self,
-        path: &Path,
         fit: &JointFit,
         campaigns: &[Campaign<'_>],
-        observations: &Observations,
         day: &Day,
-    ) -> Result<(), Failure> {
-        let format = format(path)?;
+    ) -> Result<(LeftoverOptions, Leftovers), Failure> {
         let options = LeftoverOptions {
             day: Some(day.day),
             ..LeftoverOptions::default()
         };
         let leftovers = fit.leftovers(campaigns, &options)?;
+        Ok((options, leftovers))
+    }
+
+    pub(super) fn write_left(
+        &self,
+        path: &Path,
+        (options, leftovers): &(LeftoverOptions, Leftovers),
+        observations: &Observations,
+    ) -> Result<(), Failure> {
+        let format = format(path)?;
         let field = &self.loaded.field;
         let rows = observations.heliostats.iter().map(|of| of.row);
         let ids: Vec<String> = rows.map(|row| field.ids()[row].clone()).collect();

@@ -61,6 +61,12 @@ impl Run<'_> {
         for (cause, worth) in fit.causes.iter().zip(worth) {
             printer.say(format_args!("{}", cause_words(cause, worth, targets)));
         }
+        if !fit.converged {
+            printer.warn(format_args!(
+                "the search for noise and wander stopped before its end: what follows, and what is expected of beams, \
+                 is as it was found until then"
+            ));
+        }
         let (noise, wander) = (&fit.noise, &fit.wander);
         printer.say(format_args!(
             "records scatter by {:.2} mrad across the beam, by {:.1} cm on the target where they state no sigma_m, \

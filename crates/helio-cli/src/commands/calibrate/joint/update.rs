@@ -50,7 +50,7 @@ impl Run<'_> {
         let gone = rows.iter().filter(|row| row.is_none()).count();
         if gone > 0 {
             printer.warn(format_args!(
-                "{}: {} of it are not in the field; they stay in the state and get no row",
+                "{}: not in the field: {} of it; what is known stays in the state and gets no row",
                 path.display(),
                 Counted(gone, "heliostat")
             ));
