@@ -356,12 +356,20 @@ impl<'a> Work<'a> {
         level: SimdLevel,
     ) -> Result<Self, CalibrationError> {
         options.check()?;
-        let mut targets = BTreeSet::new();
-        for observation in campaigns.iter().flat_map(|c| c.observations) {
-            if !targets.contains(&observation.target) && usable(observation) {
-                targets.insert(observation.target);
-            }
-        }
+        let targets = campaigns
+            .par_iter()
+            .fold(BTreeSet::new, |mut targets, campaign| {
+                for observation in campaign.observations {
+                    if !targets.contains(&observation.target) && usable(observation) {
+                        targets.insert(observation.target);
+                    }
+                }
+                targets
+            })
+            .reduce(BTreeSet::new, |mut all, some| {
+                all.extend(some);
+                all
+            });
         let (own, shared): (Vec<AxisCause>, Vec<AxisCause>) = options
             .axis_causes
             .iter()
@@ -444,7 +452,7 @@ impl<'a> Work<'a> {
         // such a fit takes no records but those that can be used
         let used: Vec<Cow<'_, [Observation]>> = self
             .campaigns
-            .iter()
+            .par_iter()
             .map(|campaign| match campaign.observations {
                 all if all.iter().all(usable) => Cow::Borrowed(all),
                 all => all.iter().filter(|o| usable(o)).copied().collect(),

@@ -318,11 +318,15 @@ pub(super) fn usable(observation: &Observation) -> bool {
         plane.right.as_enu(),
         plane.down.as_enu(),
     ];
-    [*axis1_rad, *axis2_rad, *u_m, *v_m]
-        .iter()
-        .all(|x| x.is_finite())
-        && vectors.into_iter().all(Enu::is_finite)
-        && sigma_m.is_none_or(|sigma_m| sigma_m > 0.0 && (sigma_m * sigma_m).is_finite())
+    // not zero where any of them is not finite, without a branch for each
+    let mut nothing = 0.0;
+    for x in [*axis1_rad, *axis2_rad, *u_m, *v_m] {
+        nothing += 0.0 * x;
+    }
+    for vector in vectors {
+        nothing += 0.0 * vector.east + 0.0 * vector.north + 0.0 * vector.up;
+    }
+    nothing == 0.0 && sigma_m.is_none_or(|sigma_m| sigma_m > 0.0 && (sigma_m * sigma_m).is_finite())
 }
 
 /// A record of a variance above this \[mrad²\], a kiloradian, tells nothing: products of such variances would leave
