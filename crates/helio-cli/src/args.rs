@@ -1,5 +1,8 @@
 //! What was typed: degrees, paths, text. Nothing is opened or computed here.
 
+mod accuracy;
+mod spot;
+
 use std::path::PathBuf;
 use std::sync::LazyLock;
 
@@ -8,6 +11,9 @@ use clap::{Args as ClapArgs, CommandFactory, FromArgMatches, Parser, Subcommand,
 use helio_core::offset::MAX_ITERATIONS;
 use helio_core::{OffsetForm, SimdLevel};
 use helio_io::output::Format;
+pub(crate) use spot::{MarksWord, MethodWord, Raw, ShapeWord, SimulateImagesArgs, SpotArgs};
+
+pub(crate) use accuracy::{AcceptWord, AccuracyArgs, SimulateCampaignArgs};
 
 /// Said wherever somebody might expect it.
 pub(crate) const NO_SHADING: &str = "Shading and blocking are not computed.";
@@ -72,14 +78,21 @@ pub(crate) enum Verb {
     Track(TrackArgs),
     Predict(PredictArgs),
     Calibrate(CalibrateArgs),
-    /// Make synthetic fields and observations
+    Accuracy(Box<AccuracyArgs>),
+    Spot(Box<SpotArgs>),
+    /// Make synthetic fields, observations and camera frames
     Simulate {
         #[command(subcommand)]
         what: Simulate,
     },
-    /// Print the JSON Schema of field.toml
-    #[command(after_help = "Example:\n  helio-rs schema > field.schema.json")]
-    Schema,
+    /// Print the JSON Schema of field.toml, or of target.toml
+    #[command(after_help = "Example:\n  helio-rs schema > field.schema.json\n  \
+                            helio-rs schema target > target.schema.json")]
+    Schema {
+        /// Which file
+        #[arg(value_name = "FILE", default_value = "field")]
+        of: SchemaWord,
+    },
 }
 
 impl Verb {
@@ -90,13 +103,21 @@ impl Verb {
             Self::Track(track) => track.out.quiet,
             Self::Predict(predict) => predict.out.quiet,
             Self::Calibrate(calibrate) => calibrate.out.quiet,
+            Self::Accuracy(accuracy) => accuracy.quiet,
             Self::Simulate {
                 what: Simulate::Field(field),
             } => field.quiet,
             Self::Simulate {
+                what: Simulate::Campaign(campaign),
+            } => campaign.quiet,
+            Self::Simulate {
                 what: Simulate::Observations(observations),
             } => observations.out.quiet,
-            Self::Schema => false,
+            Self::Simulate {
+                what: Simulate::Images(images),
+            } => images.quiet,
+            Self::Spot(spot) => spot.out.quiet,
+            Self::Schema { .. } => false,
         }
     }
 }
@@ -261,6 +282,10 @@ pub(crate) struct CalibrateArgs {
     /// Table of observations
     #[arg(long, value_name = "FILE")]
     pub(crate) observations: PathBuf,
+    /// Spots as spot writes them, where the table of observations has none of its own: it then names the frame of
+    /// each record in a column file, or goes by the frames' times
+    #[arg(long, value_name = "FILE")]
+    pub(crate) spots: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) joint: JointArgs,
     #[command(flatten)]
@@ -455,6 +480,16 @@ pub(crate) struct OutArgs {
 pub(crate) enum Simulate {
     Field(SimulateFieldArgs),
     Observations(Box<SimulateObservationsArgs>),
+    Campaign(Box<SimulateCampaignArgs>),
+    Images(Box<SimulateImagesArgs>),
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SchemaWord {
+    /// field.toml
+    Field,
+    /// target.toml
+    Target,
 }
 
 /// Synthetic camera observations of a field: what calibrate reads

@@ -9,6 +9,7 @@ use helio_core::error::{FieldError, FrameError, TrackError};
 use helio_core::sun::SunError;
 use helio_io::IoError;
 use helio_report::FigureError;
+use helio_spot::SpotError;
 
 /// Why a run ended before its end.
 #[derive(Debug, thiserror::Error)]
@@ -26,6 +27,9 @@ pub(crate) enum Failure {
     Sun(#[from] SunError),
     #[error(transparent)]
     Figure(#[from] FigureError),
+    /// A wrong option of the search for spots, or of a simulated frame.
+    #[error(transparent)]
+    Spot(#[from] SpotError),
     /// What was asked for cannot be done; the whole sentence.
     #[error("{0}")]
     Refused(String),

@@ -8,6 +8,7 @@ mod calibration_page;
 mod commands;
 mod comparison;
 mod failure;
+mod overlay;
 mod plan;
 mod plot;
 mod printer;
@@ -60,7 +61,9 @@ fn run(args: &Args, printer: &Printer) -> Result<Outcome, Failure> {
         Verb::Track(track) => commands::track::run(track, printer),
         Verb::Predict(predict) => commands::predict::run(predict, printer),
         Verb::Calibrate(calibrate) => commands::calibrate::run(calibrate, printer),
+        Verb::Spot(spot) => commands::spot::run(spot, printer),
+        Verb::Accuracy(accuracy) => commands::accuracy::run(accuracy, printer),
         Verb::Simulate { what } => commands::simulate::run(what, printer),
-        Verb::Schema => commands::schema::run(printer),
+        Verb::Schema { of } => commands::schema::run(*of, printer),
     }
 }

@@ -857,6 +857,8 @@ fn the_examples_of_the_help_work() {
         &["predict"],
         &["simulate", "field"],
         &["simulate", "observations"],
+        &["simulate", "images"],
+        &["spot"],
         &["calibrate"],
         &["schema"],
     ];

@@ -30,6 +30,8 @@ pub(crate) enum Kind {
     Time,
     /// East, north, up.
     Enu,
+    /// Four points of a picture.
+    Corners,
     Texts,
     /// A table of these keys.
     Table(&'static [&'static Key]),
@@ -67,7 +69,11 @@ impl Key {
             ("_rad", " rad"),
             ("_hpa", " hPa"),
             ("_c", " °C"),
+            ("_mrad", " mrad"),
+            ("_w_m2", " W/m²"),
+            ("_m_s", " m/s"),
             ("_m", " m"),
+            ("_px", " px"),
             ("_s", " s"),
             ("_steps", " steps"),
         ] {
@@ -125,6 +131,9 @@ impl Key {
             Kind::YesNo => "0 or 1".into(),
             Kind::Time => "a time with an offset, such as \"2026-06-21T12:00:00Z\"".into(),
             Kind::Enu => "three numbers [east, north, up]".into(),
+            Kind::Corners => {
+                "four corners [x, y]: upper left, upper right, lower right, lower left".into()
+            }
             Kind::Texts => "a list of texts in quotes".into(),
             Kind::Table(_) | Kind::Named(_) | Kind::Renames(_) => "a table".into(),
         }
@@ -828,6 +837,11 @@ pub(crate) static RECORD_ID: Key = optional(
     Kind::Text,
     "Name of the record, such as a picture's number, for lists of rejected records.",
 );
+pub(crate) static FRAME: Key = optional(
+    "file",
+    Kind::Text,
+    "The frame that shows the spot, where a table of spots is given apart.",
+);
 pub(crate) static SPOT_TARGET: Key = optional(
     "target",
     Kind::Text,
@@ -860,6 +874,7 @@ pub(crate) static SIGMA: Key = optional(
 pub(crate) static OBSERVATION_COLUMNS: &[&Key] = &[
     &HELIOSTAT_ID,
     &RECORD_ID,
+    &FRAME,
     &TIME,
     &SUN_AZIMUTH,
     &SUN_ELEVATION,
@@ -876,6 +891,110 @@ pub(crate) static OBSERVATION_COLUMNS: &[&Key] = &[
     &SIGMA,
 ];
 
+// target.toml
+
+const PIXELS: Kind = Kind::Number(-1e6, 1e6);
+
+pub(crate) static BOARD_NAME: Key = optional("name", Kind::Text, "What the target is called.");
+pub(crate) static BOARD_WIDTH: Key = required(
+    "width_m",
+    Kind::Number(0.01, 10_000.0),
+    "Distance of the left corners from the right ones in metres.",
+);
+pub(crate) static BOARD_HEIGHT: Key = required(
+    "height_m",
+    Kind::Number(0.01, 10_000.0),
+    "Distance of the upper corners from the lower ones in metres.",
+);
+pub(crate) static CORNERS: Key = optional(
+    "corners_px",
+    Kind::Corners,
+    "The corners in the picture of a fixed camera: [x, y] of the upper left, upper right, lower right and lower left one; x right, y down, the middle of the first pixel is 0, 0. Default: marks are looked for.",
+);
+pub(crate) static CORNERS_SIGMA: Key = optional(
+    "corners_sigma_px",
+    Kind::Number(0.0, 100.0),
+    "How well corners_px is known: one standard deviation along x as along y, in pixels. Default: 0.5.",
+);
+pub(crate) static MARKS: Key = optional(
+    "marks",
+    Kind::Word(&["four-corners", "two-panel-upper", "two-panel-lower"]),
+    "The black marks of the target: an L in each corner, or L and T marks of the upper or the lower of two panels. Default: four-corners.",
+);
+pub(crate) static FX: Key = required(
+    "fx_px",
+    Kind::Number(1.0, 1e7),
+    "Focal length over the width of a pixel.",
+);
+pub(crate) static FY: Key = required(
+    "fy_px",
+    Kind::Number(1.0, 1e7),
+    "Focal length over the height of a pixel.",
+);
+pub(crate) static CX: Key = required("cx_px", PIXELS, "Principal point, to the right, in pixels.");
+pub(crate) static CY: Key = required("cy_px", PIXELS, "Principal point, down, in pixels.");
+const DISTORTION: Kind = Kind::Number(-1e3, 1e3);
+pub(crate) static K1: Key = optional("k1", DISTORTION, "Radial distortion of the second order.");
+pub(crate) static K2: Key = optional("k2", DISTORTION, "Radial distortion of the fourth order.");
+pub(crate) static P1: Key = optional("p1", DISTORTION, "Tangential distortion, down.");
+pub(crate) static P2: Key = optional("p2", DISTORTION, "Tangential distortion, right.");
+pub(crate) static K3: Key = optional("k3", DISTORTION, "Radial distortion of the sixth order.");
+pub(crate) static CAMERA: Key = optional(
+    "camera",
+    Kind::Table(&[&FX, &FY, &CX, &CY, &K1, &K2, &P1, &P2, &K3]),
+    "The camera's intrinsics and distortion (the model of OpenCV). Default: none, straight lines stay straight.",
+);
+pub(crate) static TARGET_FILE: &[&Key] = &[
+    &BOARD_NAME,
+    &BOARD_WIDTH,
+    &BOARD_HEIGHT,
+    &CORNERS,
+    &CORNERS_SIGMA,
+    &MARKS,
+    &CAMERA,
+];
+
+// The table of spots
+
+pub(crate) static SPOT_FILE: Key = required("file", Kind::Text, "The frame.");
+pub(crate) static SPOT_STATUS: Key = required("status", Kind::Text, "What became of the frame.");
+pub(crate) static SPOT_FLAGS: Key = optional("flags", Kind::Text, "What else is to be known.");
+pub(crate) static SPOT_REASON: Key = optional("reason", Kind::Text, "Why a frame was not read.");
+pub(crate) static SPOT_SIGMA: Key = optional(
+    "sigma_m",
+    Kind::Number(0.0, 1e4),
+    "One standard deviation of either component of the spot in metres.",
+);
+const COUNT: Kind = Kind::Number(-1e12, 1e12);
+pub(crate) static SPOT_THRESHOLD: Key = optional("threshold", COUNT, "Gray value.");
+pub(crate) static SPOT_AREA: Key = optional("area_px", COUNT, "Pixels of the spot.");
+pub(crate) static SPOT_WINDOW: Key = optional("window_px", COUNT, "Side of the window.");
+pub(crate) static SPOT_X: Key = optional("x_px", COUNT, "Where it is seen, to the right.");
+pub(crate) static SPOT_Y: Key = optional("y_px", COUNT, "Where it is seen, down.");
+pub(crate) static SPOT_ROW: Key = optional("row", COUNT, "Row of the standard's centre.");
+pub(crate) static SPOT_COLUMN: Key = optional(
+    "column",
+    COUNT,
+    "Where it is seen, to the right, in pixels.",
+);
+pub(crate) static SPOT_COLUMNS: &[&Key] = &[
+    &SPOT_FILE,
+    &TIME,
+    &SPOT_THRESHOLD,
+    &SPOT_AREA,
+    &SPOT_WINDOW,
+    &SPOT_ROW,
+    &SPOT_COLUMN,
+    &SPOT_X,
+    &SPOT_Y,
+    &SPOT_U,
+    &SPOT_V,
+    &SPOT_SIGMA,
+    &SPOT_FLAGS,
+    &SPOT_STATUS,
+    &SPOT_REASON,
+];
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -890,6 +1009,8 @@ mod tests {
             CALIBRATION_COLUMNS,
             SITE,
             TARGET,
+            TARGET_FILE,
+            SPOT_COLUMNS,
         ] {
             let mut seen: Vec<&str> = names(list).collect();
             seen.sort_unstable();

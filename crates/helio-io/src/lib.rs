@@ -9,6 +9,7 @@
 //! [`CalibrationSchedule`] where calibrations change with the hour or the date. [`load_suns`],
 //! [`load_present`] and [`load_angles`] read the small tables of the command line;
 //! [`parse_time`] and [`TimeRange`] its times. [`schema`] describes `field.toml` for editors.
+//! [`load_target`] reads a `target.toml`, [`frame_files`] finds camera frames, [`load_spots`] reads what was seen in them.
 //!
 //! **Writing.** [`output`] writes results; [`AtomicFile`] makes them appear whole or not at all.
 //!
@@ -17,18 +18,23 @@
 
 mod atomic;
 mod calibrated;
+mod campaign;
 mod error;
 mod field;
 mod finished;
+mod frames;
 mod hash;
 mod keys;
 mod leftovers;
 mod observations;
 pub mod output;
+mod pictures;
 mod schema;
 mod small;
+mod spots;
 mod state;
 mod table;
+mod target;
 mod times;
 mod toml;
 
@@ -37,19 +43,27 @@ pub use calibrated::{
     CalibratedSet, JointColumns, Provenance, degrees_for, errors_as_written, load_calibration,
     write_calibration,
 };
+pub use campaign::{
+    Campaign, Instrument, limits_toml, load_campaign, load_limits, load_weather,
+};
 pub use error::{IoError, Place, Problem};
 pub use field::{
     CalibrationSchedule, Lapse, LoadedField, ObservationColumns, Site, Target, TargetArea,
     load_field,
 };
 pub use finished::Finished;
+pub use frames::frame_files;
 pub use hash::{Sha256, hash_file};
 pub use leftovers::{load_leftovers, write_leftovers};
 pub use observations::{
     HeliostatObservations, LeftAside, LeftAsideReason, Observations, load_observations,
+    load_observations_with_spots,
 };
-pub use schema::schema;
+pub use pictures::{write_frame, write_rgb};
+pub use schema::{schema, target_schema};
 pub use small::{Angles, AnglesSun, PresentAngles, Suns, load_angles, load_present, load_suns};
+pub use spots::{SpotRow, SpotTable, load_spots, write_spots};
 pub use state::{KeptMount, STATE_FORMAT, StateFile, read_state, write_state};
 pub use table::PARQUET_THREAD;
+pub use target::{CameraTarget, load_target, target_toml};
 pub use times::{TimeRange, format_time, parse_step, parse_time};

@@ -7,12 +7,14 @@ use helio_calib::Observation;
 use helio_calib::aiming::hour_angle_rad;
 use helio_core::angle::{degrees, radians, wrap_pi};
 use helio_core::{Enu, EnuUnit, TargetPlane};
+use helio_spot::SpotStatus;
 use rayon::prelude::*;
 
 use crate::error::{IoError, Place, Problem, quoted, short};
 use crate::field::LoadedField;
 use crate::keys;
 use crate::small::{both_or_none, driven_rad, known_heliostat, pair};
+use crate::spots::SpotTable;
 use crate::table::{Keyed, Naming, Table};
 
 /// Observations of a field, by heliostat, and where in the file each stands.
@@ -75,6 +77,11 @@ pub enum LeftAsideReason {
     SunBelowHorizon,
     /// It has no spot: the camera found none.
     NoSpot,
+    /// Its frame is not among the spots given apart.
+    NoFrame,
+    /// Its frame has no spot that can be trusted: the status of its row among the spots given apart, none for a frame
+    /// that could not be read.
+    Spot(Option<SpotStatus>),
 }
 
 impl LeftAsideReason {
@@ -85,6 +92,13 @@ impl LeftAsideReason {
             Self::Duplicate { .. } => "duplicate",
             Self::SunBelowHorizon => "sun_below_horizon",
             Self::NoSpot => "no_spot",
+            Self::NoFrame => "no_frame",
+            Self::Spot(None) => "spot_unreadable",
+            Self::Spot(Some(SpotStatus::Empty)) => "spot_empty",
+            Self::Spot(Some(SpotStatus::Cut)) => "spot_cut",
+            Self::Spot(Some(SpotStatus::Ambiguous)) => "spot_ambiguous",
+            Self::Spot(Some(SpotStatus::NoTarget)) => "spot_no_target",
+            Self::Spot(Some(SpotStatus::Ok | SpotStatus::Saturated)) => "spot",
         }
     }
 }
@@ -154,6 +168,7 @@ const SYNONYMS: &[(&str, &str)] = &[
 /// | `spot_east_m, spot_north_m, spot_up_m` | the spot as a point instead; moved square onto the plane |
 /// | `sigma_m` | optional: one standard deviation of either component; for all observations of a heliostat or none |
 /// | `record_id` | optional: what the record is called elsewhere |
+/// | `file` | the frame, instead of a spot: see [`load_observations_with_spots`] |
 ///
 /// Foreign names are translated by `[observations.columns]` of `field.toml`, and columns named in
 /// `[observations] ignore` are left aside.
@@ -191,6 +206,24 @@ const SYNONYMS: &[(&str, &str)] = &[
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn load_observations(path: &Path, loaded: &LoadedField) -> Result<Observations, IoError> {
+    load_observations_with_spots(path, None, loaded)
+}
+
+/// Reads a table of observations whose spots are given apart, as `spot` writes them.
+///
+/// The table then has no spots of its own but a column `file`, which names the frame of each record as the spots do (with
+/// or without its folders), or else a `time` within half a second of the frame's. The standard deviation comes from the
+/// frame too. Frames with the status `ok` or `saturated` count; `cut`, `ambiguous`, `empty`, `no_target` and `unreadable` are
+/// left aside, as are records whose frame is not there.
+///
+/// # Errors
+/// As [`load_observations`]; and for a table with spots of its own, one without `file` and `time`, a file name that
+/// several frames have, a frame that records of two heliostats name, and spots none of which belongs to a record.
+pub fn load_observations_with_spots(
+    path: &Path,
+    spots: Option<&SpotTable>,
+    loaded: &LoadedField,
+) -> Result<Observations, IoError> {
     let table = Table::read(path)?;
     let names = &loaded.observation_columns;
     let renames: Vec<(&str, &str)> = names
@@ -218,7 +251,7 @@ pub fn load_observations(path: &Path, loaded: &LoadedField) -> Result<Observatio
         advice: "; name it in [observations] ignore of field.toml, or in [observations.columns] as one of ours",
     };
     let table = Keyed::new(table, keys::OBSERVATION_COLUMNS, &naming)?;
-    let reader = Reader::new(&table, loaded)?;
+    let reader = Reader::new(&table, spots, loaded)?;
     let rows = table.table().rows();
     let read: Vec<Result<Record, IoError>> = (0..rows)
         .into_par_iter()
@@ -227,6 +260,7 @@ pub fn load_observations(path: &Path, loaded: &LoadedField) -> Result<Observatio
         .collect();
     // The first of several wrong rows is the one to report.
     let mut records = read.into_iter().collect::<Result<Vec<Record>, _>>()?;
+    reader.check_frames(&records)?;
     reader.place_suns(&mut records)?;
     reader.gather(records)
 }
@@ -253,6 +287,10 @@ struct Record {
     /// How far a spot given as a point lies before its plane \[m\].
     off_plane_m: f64,
     sigma_m: Option<f64>,
+    /// Which row of the spots given apart.
+    frame: Option<usize>,
+    /// Why it has no spot.
+    without: LeftAsideReason,
 }
 
 /// Everything that reading a row needs.
@@ -264,10 +302,15 @@ struct Reader<'a> {
     /// Of each target of the field, in the order of the names: its number among the planes.
     plane_of: Vec<Option<usize>>,
     points: bool,
+    frames: Option<Frames<'a>>,
 }
 
 impl<'a> Reader<'a> {
-    fn new(table: &'a Keyed, loaded: &'a LoadedField) -> Result<Self, IoError> {
+    fn new(
+        table: &'a Keyed,
+        spots: Option<&'a SpotTable>,
+        loaded: &'a LoadedField,
+    ) -> Result<Self, IoError> {
         let angles = both_or_none(table, &keys::AXIS1, &keys::AXIS2)?;
         let steps = both_or_none(table, &keys::AXIS1_STEPS, &keys::AXIS2_STEPS)?;
         if !angles && !steps {
@@ -287,9 +330,26 @@ impl<'a> Reader<'a> {
         if points && let Some(key) = point.iter().find(|key| !table.has(key)) {
             return Err(table.missing_column(key));
         }
-        if !spot && !points {
-            return Err(table.missing_column(&keys::SPOT_U));
-        }
+        let frames = match spots {
+            Some(spots) => {
+                let own = [&keys::SPOT_U, &keys::SPOT_EAST, &keys::SIGMA];
+                if let Some(key) = own.into_iter().find(|key| table.has(key)) {
+                    let message = format!(
+                        "column {}, though the spots are given apart in {}; wanted one of the two",
+                        quoted(key.name),
+                        spots.path.display()
+                    );
+                    let place = table.table().header_place();
+                    return Err(IoError::new(place, Problem::Conflict { message }));
+                }
+                if !table.has(&keys::FRAME) && !table.has(&keys::TIME) {
+                    return Err(table.missing_column(&keys::FRAME));
+                }
+                Some(Frames::new(spots, table.has(&keys::FRAME)))
+            }
+            None if !spot && !points => return Err(table.missing_column(&keys::SPOT_U)),
+            None => None,
+        };
         let mut planes = Vec::new();
         let mut plane_of = Vec::with_capacity(loaded.targets.len());
         for (name, target) in &loaded.targets {
@@ -305,6 +365,7 @@ impl<'a> Reader<'a> {
             planes,
             plane_of,
             points,
+            frames,
         })
     }
 
@@ -333,7 +394,23 @@ impl<'a> Reader<'a> {
         }
         let (axis1_rad, axis2_rad) = self.axes(row, &id, heliostat)?;
         let target = self.target(row, &id, heliostat)?;
-        let spot = self.spot(row, &id, target)?;
+        let mut frame = None;
+        let mut without = LeftAsideReason::NoSpot;
+        let mut sigma_m = table.number(row, &keys::SIGMA, Some(&id))?;
+        let spot = match &self.frames {
+            None => self.spot(row, &id, target)?,
+            Some(frames) => {
+                frame = frames.of(table, row, &id, unix_ns)?;
+                let seen = frame.map(|frame| &frames.spots.rows[frame]);
+                let trusted = [SpotStatus::Ok, SpotStatus::Saturated].map(Some);
+                let spot = seen.filter(|seen| trusted.contains(&seen.status));
+                without = seen.map_or(LeftAsideReason::NoFrame, |seen| {
+                    LeftAsideReason::Spot(seen.status)
+                });
+                sigma_m = spot.and_then(|seen| seen.sigma_m);
+                spot.and_then(|seen| seen.at_m).map(|at_m| (at_m, 0.0))
+            }
+        };
         Ok(Record {
             heliostat,
             unix_ns,
@@ -346,7 +423,9 @@ impl<'a> Reader<'a> {
             target,
             spot_m: spot.map(|(spot_m, _)| spot_m),
             off_plane_m: spot.map_or(0.0, |(_, off_m)| off_m),
-            sigma_m: table.number(row, &keys::SIGMA, Some(&id))?,
+            sigma_m,
+            frame,
+            without,
         })
     }
 
@@ -484,6 +563,45 @@ impl<'a> Reader<'a> {
         Ok(Some(([u_m, v_m], off_m)))
     }
 
+    /// Refuses spots given apart that cannot be meant: none that belongs to a record, and one that belongs to two
+    /// heliostats.
+    fn check_frames(&self, records: &[Record]) -> Result<(), IoError> {
+        let Some(frames) = &self.frames else {
+            return Ok(());
+        };
+        let table = self.table.table();
+        let mut first: HashMap<usize, usize> = HashMap::new();
+        for (row, record) in records.iter().enumerate() {
+            let Some(frame) = record.frame else { continue };
+            let before = *first.entry(frame).or_insert(row);
+            if records[before].heliostat != record.heliostat {
+                let message = format!(
+                    "its frame {} is that of heliostat {} too ({})",
+                    quoted(&frames.spots.rows[frame].file),
+                    quoted(&self.loaded.field.ids()[records[before].heliostat]),
+                    table.position(before)
+                );
+                let id = &self.loaded.field.ids()[record.heliostat];
+                return Err(self.table.row_error(row, id, Problem::Conflict { message }));
+            }
+        }
+        if first.is_empty() {
+            let message = format!(
+                "none of the {} records belongs to a frame of {}, whose first is {}; wanted the same names in the \
+                 column `file`, or times within {} s",
+                records.len(),
+                frames.spots.path.display(),
+                quoted(frames.spots.rows.first().map_or("", |row| &row.file)),
+                1e-9 * NEAR_NS as f64
+            );
+            return Err(IoError::new(
+                Place::file(table.path()),
+                Problem::Conflict { message },
+            ));
+        }
+        Ok(())
+    }
+
     /// Refuses a heliostat some of whose observations state how sure they are and some do not: what the
     /// others count is nowhere said.
     fn same_sigmas(&self, records: &[Record], of: &[usize]) -> Result<(), IoError> {
@@ -560,7 +678,7 @@ impl<'a> Reader<'a> {
                 });
             };
             let Some(spot_m) = record.spot_m else {
-                leave(LeftAsideReason::NoSpot);
+                leave(record.without);
                 continue;
             };
             if record.sun.as_enu().up < 0.0 {
@@ -674,6 +792,9 @@ impl<'a> Reader<'a> {
                 }
             ));
         }
+        let apart = |reason: &LeftAsideReason| {
+            matches!(reason, LeftAsideReason::NoFrame | LeftAsideReason::Spot(_))
+        };
         let of = |reason: fn(&LeftAsideReason) -> bool| {
             let mut which = out.left_aside.iter().filter(|aside| reason(&aside.reason));
             let first = which.next()?;
@@ -683,6 +804,12 @@ impl<'a> Reader<'a> {
         if let Some((count, first, _)) = of(|reason| matches!(reason, LeftAsideReason::NoSpot)) {
             said.push(format!(
                 "{path}: records without a spot, left aside: {count} (first: {first})"
+            ));
+        }
+        if let Some((count, first, aside)) = of(apart) {
+            said.push(format!(
+                "{path}: records whose frame has no spot to be trusted, left aside: {count} (first: {first}, {})",
+                aside.reason.as_str()
             ));
         }
         if let Some((count, first, _)) =
@@ -707,6 +834,89 @@ impl<'a> Reader<'a> {
         }
         out.warnings.extend(said);
     }
+}
+
+/// Spots given apart belong to records no more than this beside them in time \[ns\].
+const NEAR_NS: i64 = 500_000_000;
+
+/// Spots given apart, by what records know them by.
+struct Frames<'a> {
+    spots: &'a SpotTable,
+    /// Of each name, with its folders and without: the rows that have it. None where records go by time.
+    by_name: Option<HashMap<&'a str, Vec<usize>>>,
+    /// Times and rows, in order.
+    by_time: Vec<(i64, usize)>,
+}
+
+impl<'a> Frames<'a> {
+    fn new(spots: &'a SpotTable, named: bool) -> Self {
+        let rows = || spots.rows.iter().enumerate();
+        let by_name = named.then(|| {
+            let mut by_name: HashMap<&str, Vec<usize>> = HashMap::new();
+            for (row, spot) in rows() {
+                by_name.entry(&spot.file).or_default().push(row);
+                let last = last_part(&spot.file);
+                if last != spot.file {
+                    by_name.entry(last).or_default().push(row);
+                }
+            }
+            by_name
+        });
+        let times = rows().filter_map(|(row, spot)| Some((spot.unix_ns?, row)));
+        let mut by_time: Vec<(i64, usize)> = times.collect();
+        by_time.sort_unstable();
+        Self {
+            spots,
+            by_name,
+            by_time,
+        }
+    }
+
+    /// The frame of a record.
+    fn of(
+        &self,
+        table: &Keyed,
+        row: usize,
+        id: &str,
+        unix_ns: Option<i64>,
+    ) -> Result<Option<usize>, IoError> {
+        let Some(by_name) = &self.by_name else {
+            return Ok(unix_ns.and_then(|unix_ns| self.nearest(unix_ns)));
+        };
+        let Some(name) = table.text(row, &keys::FRAME, id)? else {
+            return Ok(None);
+        };
+        let found = by_name
+            .get(&*name)
+            .or_else(|| by_name.get(last_part(&name)));
+        match found.map(Vec::as_slice) {
+            None => Ok(None),
+            Some([one]) => Ok(Some(*one)),
+            Some(several) => {
+                let message = format!(
+                    "{} frames of {} have this name, first {}",
+                    several.len(),
+                    self.spots.path.display(),
+                    self.spots.position(several[0])
+                );
+                Err(table.error(row, &keys::FRAME, Some(id), Problem::Conflict { message }))
+            }
+        }
+    }
+
+    fn nearest(&self, unix_ns: i64) -> Option<usize> {
+        let after = self.by_time.partition_point(|(time, _)| *time < unix_ns);
+        let near = self.by_time[after.saturating_sub(1)..].iter().take(2);
+        let apart = |time: i64| time.abs_diff(unix_ns);
+        near.min_by_key(|(time, _)| apart(*time))
+            .filter(|(time, _)| apart(*time) <= NEAR_NS.unsigned_abs())
+            .map(|(_, row)| *row)
+    }
+}
+
+/// A file's name without its folders, whichever way they are written.
+fn last_part(name: &str) -> &str {
+    name.rsplit(['/', '\\']).next().unwrap_or(name)
 }
 
 /// Components on a plane \[m\], and how far before it.

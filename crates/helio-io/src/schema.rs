@@ -1,4 +1,4 @@
-//! JSON Schema of `field.toml`.
+//! JSON Schema of `field.toml` and `target.toml`.
 
 use serde_json::{Map, Value, json};
 
@@ -15,14 +15,36 @@ use crate::keys::{self, Key, Kind};
 /// ```
 #[must_use]
 pub fn schema() -> Value {
-    let mut schema = object(keys::FILE);
+    of_file(
+        keys::FILE,
+        "field.toml of helio-rs",
+        "A heliostat field: where it lies, what can be aimed at, and its heliostats. \
+         Metres east, north, up; degrees clockwise from north and up from the horizon.",
+    )
+}
+
+/// The same of `target.toml`.
+///
+/// ```
+/// let schema = helio_io::target_schema();
+/// assert_eq!(schema["required"], serde_json::json!(["width_m", "height_m"]));
+/// ```
+#[must_use]
+pub fn target_schema() -> Value {
+    of_file(
+        keys::TARGET_FILE,
+        "target.toml of helio-rs",
+        "A target in the pictures of a camera: its size, and where its corners are or what marks them.",
+    )
+}
+
+fn of_file(known: &[&Key], title: &str, about: &str) -> Value {
+    let mut schema = object(known);
     schema.insert(
         "$schema".into(),
         json!("https://json-schema.org/draft/2020-12/schema"),
     );
-    schema.insert("title".into(), json!("field.toml of helio-rs"));
-    let about = "A heliostat field: where it lies, what can be aimed at, and its heliostats. \
-        Metres east, north, up; degrees clockwise from north and up from the horizon.";
+    schema.insert("title".into(), json!(title));
     schema.insert("description".into(), json!(about));
     Value::Object(schema)
 }
@@ -59,6 +81,11 @@ fn property(key: &Key) -> Value {
         Kind::Time => fields(json!({ "type": "string", "format": "date-time" })),
         Kind::Enu => fields(json!({
             "type": "array", "items": { "type": "number" }, "minItems": 3, "maxItems": 3
+        })),
+        Kind::Corners => fields(json!({
+            "type": "array", "minItems": 4, "maxItems": 4, "items": {
+                "type": "array", "items": { "type": "number" }, "minItems": 2, "maxItems": 2
+            }
         })),
         Kind::Texts => fields(json!({ "type": "array", "items": { "type": "string" } })),
         Kind::Table(known) => object(known),

@@ -18,7 +18,19 @@ pub(crate) struct Source<'a> {
     pub(crate) text: &'a str,
 }
 
-impl Source<'_> {
+impl<'a> Source<'a> {
+    /// The TOML of the text.
+    pub(crate) fn parse(self) -> Result<toml_edit::Document<&'a str>, IoError> {
+        toml_edit::Document::parse(self.text).map_err(|error| {
+            let message = error.message().trim().replace('\n', "; ");
+            let problem = Problem::Syntax {
+                format: "TOML",
+                message,
+            };
+            self.error(error.span(), problem)
+        })
+    }
+
     pub(crate) fn error(self, span: Option<Range<usize>>, problem: Problem) -> IoError {
         IoError::in_text(self.path, self.text, span, problem)
     }
@@ -206,6 +218,47 @@ impl<'a> Section<'a> {
             *slot = given;
         }
         Ok(Some(enu))
+    }
+
+    /// Four points [x, y].
+    pub(crate) fn corners(&self, key: &Key, limit: f64) -> Result<Option<[[f64; 2]; 4]>, IoError> {
+        let Some(item) = self.get(key) else {
+            return Ok(None);
+        };
+        let wrong = |span, found| {
+            let (what, wanted) = (self.dotted(key), key.wanted());
+            let problem = Problem::WrongKind {
+                what,
+                wanted,
+                found,
+            };
+            self.source.error(span, problem)
+        };
+        let array = item.as_array().ok_or_else(|| self.wrong_kind(key, item))?;
+        if array.len() != 4 {
+            let found = format!("{} of them", array.len());
+            return Err(wrong(self.value_span(key), found));
+        }
+        let mut corners = [[0.0; 2]; 4];
+        for (corner, value) in corners.iter_mut().zip(array) {
+            let pair = value.as_array().filter(|pair| pair.len() == 2);
+            let pair = pair.ok_or_else(|| wrong(value.span(), found_value(value)))?;
+            for (slot, value) in corner.iter_mut().zip(pair) {
+                let given = number(value).ok_or_else(|| wrong(value.span(), found_value(value)))?;
+                if !(-limit..=limit).contains(&given) {
+                    let problem = Problem::OutOfRange {
+                        what: self.dotted(key),
+                        min: -limit,
+                        max: limit,
+                        unit: key.unit(),
+                        value: given,
+                    };
+                    return Err(self.source.error(value.span(), problem));
+                }
+                *slot = given;
+            }
+        }
+        Ok(Some(corners))
     }
 
     pub(crate) fn texts(&self, key: &Key) -> Result<Vec<Spanned<'a>>, IoError> {

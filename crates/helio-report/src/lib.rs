@@ -11,6 +11,7 @@
 //! readers: viridis for values, a darkened twilight (cyclic) for azimuths, and the palette of Okabe
 //! and Ito for statuses.
 
+pub mod accuracy;
 pub mod calibration;
 mod curves;
 mod html;

@@ -18,6 +18,16 @@ pub enum SpotError {
         /// How many there are.
         found: usize,
     },
+    /// An image of too many pixels to be counted.
+    #[error("an image of {width} x {height} pixels is too large: at most {most} pixels")]
+    TooLarge {
+        /// Pixels in a row.
+        width: usize,
+        /// Rows.
+        height: usize,
+        /// The most there may be.
+        most: u32,
+    },
     /// An option that makes no sense.
     #[error("{what} must be {wanted}, got {value}")]
     BadOption {

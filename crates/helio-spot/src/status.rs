@@ -19,6 +19,16 @@ pub enum SpotStatus {
 }
 
 impl SpotStatus {
+    /// Every status.
+    pub const ALL: [Self; 6] = [
+        Self::Ok,
+        Self::Empty,
+        Self::Cut,
+        Self::Saturated,
+        Self::Ambiguous,
+        Self::NoTarget,
+    ];
+
     /// The word for columns.
     #[must_use]
     pub const fn as_str(self) -> &'static str {

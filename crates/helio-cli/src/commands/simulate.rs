@@ -1,4 +1,4 @@
-//! `simulate`: synthetic fields and observations.
+//! `simulate`: synthetic fields, observations and camera frames.
 
 use helio_core::Enu;
 use helio_core::layout::{Measures, fermat_spiral, radial_staggered};
@@ -32,7 +32,9 @@ pub(crate) const EXAMPLE: LayoutPlan = LayoutPlan {
 pub(crate) fn run(what: &Simulate, printer: &Printer) -> Result<Outcome, Failure> {
     match what {
         Simulate::Field(args) => field(args, printer),
+        Simulate::Campaign(args) => super::accuracy::simulate_campaign(args, printer),
         Simulate::Observations(args) => super::observations::run(args, printer),
+        Simulate::Images(args) => super::images::run(args, printer),
     }
 }
 

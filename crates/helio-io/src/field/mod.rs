@@ -177,16 +177,7 @@ impl LoadedField {
 pub fn load_field(path: &Path) -> Result<LoadedField, IoError> {
     let text = read_text(path)?;
     let source = Source { path, text: &text };
-    let document = toml_edit::Document::parse(text.as_str()).map_err(|error| {
-        let message = error.message().trim().replace('\n', "; ");
-        source.error(
-            error.span(),
-            Problem::Syntax {
-                format: "TOML",
-                message,
-            },
-        )
-    })?;
+    let document = source.parse()?;
     let file = Section::new(source, String::new(), document.as_table(), None, keys::FILE)?;
     let site = file
         .section(&keys::SITE_TABLE)?

@@ -120,7 +120,7 @@ impl Table {
             Cells::Text(records) => place.line = Some(records.line(row)),
             Cells::Parquet(_) => place.row = Some(row + 1),
         }
-        place.heliostat = heliostat.map(str::to_string);
+        place.heliostat = heliostat.filter(|id| !id.is_empty()).map(str::to_string);
         place
     }
 

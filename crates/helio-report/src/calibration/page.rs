@@ -38,7 +38,15 @@ svg .dots{stroke-linecap:round}svg .squares{stroke-linecap:square}\
 svg .dots.ring{stroke:var(--warn)}svg .dots.failed{stroke:var(--bad)}svg .dots.none{stroke:var(--none)}\
 svg .s0{stroke:var(--c0)}svg .s1{stroke:var(--c1)}svg .s2{stroke:var(--c2)}svg .s3{stroke:var(--c3)}\
 svg .s4{stroke:var(--c4)}svg .s5{stroke:var(--c5)}svg .f0{fill:var(--c0)}svg .f1{fill:var(--c1)}svg .mark{stroke:none}\
-@media (max-width:700px){table{display:block;overflow-x:auto}}@media print{body{max-width:none;margin:0;font-size:11pt}figure,tr,h2,h3{break-inside:avoid}h2,h3{break-after:avoid}\
+.verdict{border:1.5px solid;border-radius:.5em;padding:.1em 1em;margin:0 0 1em}.verdict b{font-size:1.35em}\
+.found{min-width:15em}.hash{min-width:18em;font:12px ui-monospace,Menlo,Consolas,monospace;overflow-wrap:anywhere}\
+svg .limit{stroke:var(--bad);stroke-width:2}svg .whisker{stroke-width:1.4}svg .col{stroke:none;fill:var(--c0);fill-opacity:.75}\
+svg .beyond{fill:var(--c1)}\
+.sign div{display:grid;grid-template-columns:8em 1fr 8em 1fr;gap:0 1.5em;align-items:end;break-inside:avoid}\
+.sign div p{margin:2.6em 0 0}.sign div p+p{border-top:1px solid var(--line);margin-top:3.6em}.sign span{color:var(--soft);font-size:.8em}\
+@media (max-width:700px){table{display:block;overflow-x:auto}.wide{overflow-x:auto}.wide svg{max-width:none;width:720px}\
+.sign div{grid-template-columns:1fr 1fr}}\
+@media print{body{max-width:none;margin:0;font-size:11pt}figure,tr,h2,h3{break-inside:avoid}h2,h3{break-after:avoid}\
 section.heliostat{break-before:page}a{color:inherit;text-decoration:none}}";
 
 pub(crate) fn html(page: &CalibrationPage) -> String {

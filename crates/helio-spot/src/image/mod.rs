@@ -1,9 +1,16 @@
-//! Gray pictures.
+//! Gray pictures, and where they come from.
+
+mod decode;
+mod luma;
+mod video;
+
+pub use decode::{DecodeError, Limits, decode};
+pub use video::{RawFormat, RawVideo, VideoError};
 
 use crate::error::SpotError;
 
 /// A gray value: 8 or 16 bit.
-pub trait Gray: Copy + Ord + Send + Sync + 'static + Into<u32> + sealed::Sealed {
+pub trait Gray: Copy + Ord + Send + Sync + 'static + Into<u32> + sealed::Sealed + Default {
     /// The largest.
     const WHITE: u32;
 }
@@ -15,10 +22,34 @@ impl Gray for u16 {
     const WHITE: u32 = u16::MAX as u32;
 }
 
-mod sealed {
-    pub trait Sealed {}
-    impl Sealed for u8 {}
-    impl Sealed for u16 {}
+pub(crate) mod sealed {
+    /// What kernels want to know of a gray value.
+    pub trait Sealed: Sized {
+        /// Holds the sum of 257 of them.
+        type Sum: Copy + Default + From<Self> + Into<u32> + core::ops::AddAssign;
+        /// From a gray value not above white.
+        fn from_gray(gray: u32) -> Self;
+        /// The same pixels where they are of 8 bit.
+        fn bytes(row: &[Self]) -> Option<&[u8]>;
+    }
+    impl Sealed for u8 {
+        type Sum = u16;
+        fn from_gray(gray: u32) -> Self {
+            gray as Self
+        }
+        fn bytes(row: &[Self]) -> Option<&[u8]> {
+            Some(row)
+        }
+    }
+    impl Sealed for u16 {
+        type Sum = u32;
+        fn from_gray(gray: u32) -> Self {
+            gray as Self
+        }
+        fn bytes(_: &[Self]) -> Option<&[u8]> {
+            None
+        }
+    }
 }
 
 /// A rectangle of gray values that somebody else keeps; may be a part of a larger picture.

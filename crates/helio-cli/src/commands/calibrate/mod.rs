@@ -17,7 +17,7 @@ use helio_calib::Mount;
 use helio_calib::schedule::Sets;
 use helio_io::{
     AtomicFile, CalibratedSet, IoError, LoadedField, Observations, Provenance, hash_file,
-    load_observations, write_calibration,
+    load_observations_with_spots, load_spots, write_calibration,
 };
 use helio_report::calibration::calibration_page;
 
@@ -37,6 +37,27 @@ use resume::{build_hash, finished, hash_files, hash_text, is_plain};
 /// Lines of findings that a terminal shows.
 const SAID: usize = 40;
 
+/// The observations, their spots wherever they are, and a hash of both.
+fn read_observations(
+    args: &CalibrateArgs,
+    loaded: &LoadedField,
+) -> Result<(Observations, String), Failure> {
+    let path = &args.observations;
+    let spots = match &args.spots {
+        Some(path) => Some((load_spots(path)?, hash_file(path)?)),
+        None => None,
+    };
+    let (observations, hash) = rayon::join(
+        || load_observations_with_spots(path, spots.as_ref().map(|(table, _)| table), loaded),
+        || hash_file(path),
+    );
+    let (observations, hash) = (observations?, hash?);
+    Ok(match spots {
+        Some((_, of_spots)) => (observations, hash_text(&format!("{hash} {of_spots}"))),
+        None => (observations, hash),
+    })
+}
+
 pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Failure> {
     plan::threads(args.out.threads)?;
     if args.joint.joint || args.joint.update.is_some() {
@@ -53,6 +74,7 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
     let mut inputs = loaded.files.clone();
     inputs.push(args.observations.clone());
     inputs.extend(args.compare.clone());
+    inputs.extend(args.spots.clone());
     different_outputs(args)?;
     for path in [&args.rejected, &args.report, &args.plan_out]
         .into_iter()
@@ -83,16 +105,11 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
     };
     let resumable = args.out.out.as_deref().filter(|path| is_plain(path));
     // Each goes through a whole file.
-    let ((observations, hash), build) = rayon::join(
-        || {
-            rayon::join(
-                || load_observations(&args.observations, &loaded),
-                || hash_file(&args.observations),
-            )
-        },
+    let (read, build) = rayon::join(
+        || read_observations(args, &loaded),
         || resumable.map(|_| build_hash(std::env::current_exe())),
     );
-    let (observations, observations_hash) = (observations?, hash?);
+    let (observations, observations_hash) = read?;
     for warning in &observations.warnings {
         printer.warn(warning);
     }
@@ -251,7 +268,7 @@ fn different_outputs(args: &CalibrateArgs) -> Result<(), Failure> {
 }
 
 /// The file of a report, begun early so that a place that cannot be written is known at once.
-fn report_file(path: &Path) -> Result<AtomicFile, Failure> {
+pub(crate) fn report_file(path: &Path) -> Result<AtomicFile, Failure> {
     let suffix = path.extension().map(|suffix| suffix.to_ascii_lowercase());
     if suffix.is_none_or(|suffix| suffix != "html" && suffix != "htm") {
         return Err(Failure::refused(format!(
@@ -262,7 +279,7 @@ fn report_file(path: &Path) -> Result<AtomicFile, Failure> {
     Ok(AtomicFile::create(path)?)
 }
 
-fn write_page(mut file: AtomicFile, page: &str) -> Result<(), Failure> {
+pub(crate) fn write_page(mut file: AtomicFile, page: &str) -> Result<(), Failure> {
     let path = file.path().to_owned();
     file.write_all(page.as_bytes())
         .map_err(|error| IoError::write(&path, error))?;

@@ -56,6 +56,11 @@ pub(super) fn write_rejected(
                 format!("it is {} again", observations.position(of))
             }
             LeftAsideReason::SunBelowHorizon => "at its time the sun was down".to_owned(),
+            LeftAsideReason::NoFrame => "its frame is not among the spots".to_owned(),
+            LeftAsideReason::Spot(None) => "its frame could not be read".to_owned(),
+            LeftAsideReason::Spot(Some(status)) => {
+                format!("the spot of its frame is {}", status.as_str())
+            }
             _ => "it has no spot".to_owned(),
         };
         rows.push(Rejected {

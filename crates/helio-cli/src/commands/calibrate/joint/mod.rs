@@ -123,6 +123,7 @@ pub(super) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
     let mut inputs = loaded.files.clone();
     inputs.push(args.observations.clone());
     inputs.extend(args.compare.clone());
+    inputs.extend(args.spots.clone());
     let others = [&args.joint.state, &args.report];
     // The table's own place is looked at with its destination.
     for path in tables.into_iter().chain(others).flatten() {
@@ -220,11 +221,7 @@ impl Run<'_> {
     /// Observations that can be put in order.
     fn observations(&self) -> Result<(Observations, String), Failure> {
         let path = &self.args.observations;
-        let (observations, hash) = rayon::join(
-            || helio_io::load_observations(path, &self.loaded),
-            || helio_io::hash_file(path),
-        );
-        let (observations, hash) = (observations?, hash?);
+        let (observations, hash) = super::read_observations(self.args, &self.loaded)?;
         for warning in &observations.warnings {
             self.printer.warn(warning);
         }

@@ -1,0 +1,227 @@
+//! `simulate images`: synthetic camera frames with their truth.
+
+use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::Ordering;
+
+use helio_core::angle::radians;
+use helio_io::output::{Cells, Destination, Format, write_columns};
+use helio_io::{IoError, target_toml, write_file, write_frame};
+use helio_spot::simulate::{
+    Beam, BeamShape, Camera, Daylight, Depth, Pose, Scene, Sensor, Shadow, Truth,
+};
+use helio_spot::{Board, Lens, LensValues, Marks};
+use rayon::prelude::*;
+
+use super::track::stop_on_signals;
+use crate::Outcome;
+use crate::args::{MarksWord, ShapeWord, SimulateImagesArgs};
+use crate::failure::Failure;
+use crate::plan;
+use crate::printer::{Counted, Printer};
+
+pub(crate) fn run(args: &SimulateImagesArgs, printer: &Printer) -> Result<Outcome, Failure> {
+    plan::threads(args.threads)?;
+    let (scene, lens) = scene(args)?;
+    let folder = args.out.as_path();
+    std::fs::create_dir_all(folder).map_err(|error| IoError::write(folder, error))?;
+    let stop = stop_on_signals();
+    let progress = Mutex::new(printer.progress_of(u64::from(args.frames), "frames"));
+    let truths = (1..=args.frames)
+        .into_par_iter()
+        .map(|number| {
+            if stop.load(Ordering::Relaxed) {
+                return Err(Failure::Interrupted { streamed: false });
+            }
+            let truth = frame(args, &scene, number, folder)?;
+            if let Ok(mut progress) = progress.lock() {
+                progress.advance(1);
+            }
+            Ok(truth)
+        })
+        .collect::<Vec<Result<Truth, Failure>>>()
+        .into_iter()
+        .collect::<Result<Vec<Truth>, Failure>>()?;
+    write_truth(folder, &truths)?;
+    let mut text = target_toml(&scene.board, &truths[0].corners_px, lens.as_ref());
+    if args.find_marks {
+        text = text
+            .lines()
+            .filter(|line| !line.starts_with("corners") && !line.starts_with('#'))
+            .fold(String::new(), |text, line| text + line + "\n");
+    }
+    write_file(&folder.join("target.toml"), text.as_bytes())?;
+    printer.say(format_args!(
+        "{} with truth.csv and target.toml in {}",
+        Counted(truths.len(), "frame"),
+        folder.display()
+    ));
+    Ok(Outcome::Good)
+}
+
+fn name(number: usize) -> String {
+    format!("{number:06}.png")
+}
+
+/// What is the same in all frames.
+fn scene(args: &SimulateImagesArgs) -> Result<(Scene, Option<Lens>), Failure> {
+    let board = Board {
+        width_m: args.width_m,
+        height_m: args.height_m,
+        marks: match args.marks {
+            MarksWord::FourCorners => Marks::FourCorners,
+            MarksWord::TwoPanelUpper => Marks::TwoPanelUpper,
+            MarksWord::TwoPanelLower => Marks::TwoPanelLower,
+        },
+    };
+    let (width, height) = args.size;
+    let plain = Scene::plain(board, width, height)?;
+    let straight = Camera::of_pose(width, height, &{
+        let [left, _] = plain.camera.pixel(-0.5 * board.width_m, 0.0);
+        let [right, _] = plain.camera.pixel(0.5 * board.width_m, 0.0);
+        let distance_m = 40.0 * board.width_m.max(board.height_m);
+        Pose {
+            distance_m,
+            focal_px: (right - left) / board.width_m * distance_m,
+            turn_rad: radians(args.turn_deg),
+            tilt_rad: radians(args.tilt_deg),
+            roll_rad: radians(args.roll_deg),
+        }
+    })?;
+    let lens = if args.distortion == 0.0 {
+        None
+    } else {
+        let values = LensValues {
+            fx_px: width as f64,
+            fy_px: width as f64,
+            cx_px: 0.5 * (width as f64 - 1.0),
+            cy_px: 0.5 * (height as f64 - 1.0),
+            k1: args.distortion,
+            ..LensValues::default()
+        };
+        Some(Lens::new(values).map_err(|error| Failure::refused(error.to_string()))?)
+    };
+    let shadow = (args.shadow > 0.0).then_some(Shadow {
+        through_m: [0.1 * board.width_m, 0.0],
+        into_rad: 0.6,
+        depth: args.shadow,
+        penumbra_m: 0.02 * board.width_m,
+    });
+    let mut others = Vec::new();
+    if args.stray > 0.0 {
+        others.push(Beam {
+            shape: BeamShape::Gaussian {
+                sigma_m: 0.1 * board.width_m,
+            },
+            u_m: 0.62 * board.width_m,
+            v_m: -0.1 * board.height_m,
+            peak: args.stray,
+        });
+    }
+    let scene = Scene {
+        texture: args.texture,
+        daylight: Daylight {
+            level: args.daylight,
+            gradient_per_m: [args.gradient / board.width_m, 0.0],
+            shadow,
+        },
+        others,
+        camera: match lens {
+            Some(lens) => straight.with_lens(lens),
+            None => straight,
+        },
+        sensor: Sensor {
+            depth: if args.bits == "16" {
+                Depth::Bits16
+            } else {
+                Depth::Bits8
+            },
+            white_electrons: f64::INFINITY,
+            read_noise: args.noise,
+            ..plain.sensor
+        },
+        ..plain
+    };
+    Ok((scene, lens))
+}
+
+/// Makes a frame.
+fn frame(
+    args: &SimulateImagesArgs,
+    scene: &Scene,
+    number: u32,
+    folder: &Path,
+) -> Result<Truth, Failure> {
+    let mut scene = scene.clone();
+    let seed = helio_calib::random::Random::stream(args.seed, u64::from(number)).next_u64();
+    let mut random = helio_calib::random::Random::new(seed);
+    let (wide, high) = (0.3 * args.width_m, 0.3 * args.height_m);
+    let mut beam = |peak: f64| Beam {
+        shape: shape(args.shape, args.beam_m),
+        u_m: random.between(-wide, wide),
+        v_m: random.between(-high, high),
+        peak,
+    };
+    let first = beam(args.peak);
+    let second = beam(args.peak * args.second);
+    let empty = args
+        .empty_every
+        .is_some_and(|every| number.is_multiple_of(every));
+    if !empty {
+        scene.beam = Some(first);
+    }
+    if args.second > 0.0 {
+        scene.others.push(second);
+    }
+    let simulated = scene.render(seed)?;
+    write_frame(&folder.join(name(number as usize)), &simulated.frame)?;
+    Ok(simulated.truth)
+}
+
+fn shape(word: ShapeWord, beam_m: f64) -> BeamShape {
+    match word {
+        ShapeWord::Gaussian => BeamShape::Gaussian { sigma_m: beam_m },
+        ShapeWord::Ellipse => BeamShape::Ellipse {
+            along_m: beam_m * std::f64::consts::SQRT_2,
+            across_m: beam_m / std::f64::consts::SQRT_2,
+            angle_rad: 0.7,
+        },
+        ShapeWord::FlatTop => BeamShape::FlatTop {
+            radius_m: beam_m,
+            edge_m: 0.15 * beam_m,
+        },
+        ShapeWord::Facets => BeamShape::Facets {
+            count: 16,
+            sigma_m: 0.6 * beam_m,
+            spread_m: 0.7 * beam_m,
+        },
+    }
+}
+
+fn write_truth(folder: &Path, truths: &[Truth]) -> Result<(), Failure> {
+    let files: Vec<String> = (1..=truths.len()).map(name).collect();
+    let number = |of: fn(&helio_spot::simulate::BeamTruth) -> f64| -> Vec<f64> {
+        truths
+            .iter()
+            .map(|truth| truth.beam.as_ref().map_or(f64::NAN, of))
+            .collect()
+    };
+    let (u_m, v_m) = (number(|b| b.u_m), number(|b| b.v_m));
+    let (x_px, y_px) = (number(|b| b.x_px), number(|b| b.y_px));
+    let share = number(|b| b.share_on_target);
+    let seen_u_m = number(|b| b.on_target_m.map_or(f64::NAN, |at| at[0]));
+    let seen_v_m = number(|b| b.on_target_m.map_or(f64::NAN, |at| at[1]));
+    let columns = [
+        ("file", Cells::Text(&files)),
+        ("u_m", Cells::Numbers(&u_m)),
+        ("v_m", Cells::Numbers(&v_m)),
+        ("x_px", Cells::Numbers(&x_px)),
+        ("y_px", Cells::Numbers(&y_px)),
+        ("share_on_target", Cells::Numbers(&share)),
+        ("on_target_u_m", Cells::Numbers(&seen_u_m)),
+        ("on_target_v_m", Cells::Numbers(&seen_v_m)),
+    ];
+    let destination = Destination::File(folder.join("truth.csv"));
+    write_columns(destination, Format::Csv, &columns)?;
+    Ok(())
+}

@@ -1,0 +1,227 @@
+//! What was found in a frame, drawn into it.
+
+use std::path::Path;
+
+use helio_io::{IoError, write_rgb};
+use helio_spot::{Frame, Gray, Plane, View};
+
+const CORNERS: [u8; 3] = [0, 220, 255];
+const HIDDEN: [u8; 3] = [255, 140, 0];
+const EDGE: [u8; 3] = [0, 120, 255];
+const OUTLINE: [u8; 3] = [255, 220, 0];
+const WINDOW: [u8; 3] = [255, 0, 220];
+const CENTRE: [u8; 3] = [255, 30, 30];
+const SIGMA: [u8; 3] = [40, 255, 60];
+
+/// What to draw; positions in pixels, x right and y down.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Drawing {
+    /// The target, where it was found or given.
+    pub(crate) plane: Option<Plane>,
+    /// Gray value above which light counts, and the rectangle (left, top, right, bottom) within which it does.
+    pub(crate) threshold: Option<(f64, [f64; 4])>,
+    /// Left, top, right, bottom of the window.
+    pub(crate) window: Option<[f64; 4]>,
+    /// Centre of the spot.
+    pub(crate) centre: Option<[f64; 2]>,
+    /// Covariance of its place on the target \[m²\].
+    pub(crate) covariance_m2: Option<[[f64; 2]; 2]>,
+}
+
+/// Draws into a copy of the frame and writes it as PNG.
+pub(crate) fn write(path: &Path, frame: &Frame, drawing: &Drawing) -> Result<(), IoError> {
+    let mut canvas = match frame {
+        Frame::Gray8(picture) => Canvas::new(picture.view(), |gray| gray),
+        Frame::Gray16(picture) => Canvas::new(picture.view(), |gray| gray >> 8),
+    };
+    if let Some((threshold, within)) = drawing.threshold {
+        match frame {
+            Frame::Gray8(picture) => {
+                canvas.outline(picture.view(), threshold, within, drawing.centre)
+            }
+            Frame::Gray16(picture) => {
+                canvas.outline(picture.view(), threshold, within, drawing.centre)
+            }
+        }
+    }
+    if let Some(plane) = &drawing.plane {
+        let corners = plane.corners();
+        for (i, &at) in corners.at_px.iter().enumerate() {
+            canvas.line(at, corners.at_px[(i + 1) % 4], EDGE);
+        }
+        for (&at, &seen) in corners.at_px.iter().zip(&corners.seen) {
+            canvas.cross(at, 0.0, 12.0, if seen { CORNERS } else { HIDDEN });
+        }
+    }
+    if let Some([left, top, right, bottom]) = drawing.window {
+        let around = [[left, top], [right, top], [right, bottom], [left, bottom]];
+        for (i, &at) in around.iter().enumerate() {
+            canvas.line(at, around[(i + 1) % 4], WINDOW);
+        }
+    }
+    if let Some(at) = drawing.centre {
+        canvas.cross(at, 3.0, 14.0, CENTRE);
+        if let (Some(plane), Some(covariance_m2)) = (&drawing.plane, drawing.covariance_m2) {
+            canvas.ellipse(plane, at, covariance_m2);
+        }
+    }
+    write_rgb(path, &canvas.pixels, canvas.width, canvas.height)
+}
+
+struct Canvas {
+    pixels: Vec<[u8; 3]>,
+    width: usize,
+    height: usize,
+}
+
+impl Canvas {
+    fn new<P: Gray>(view: View<'_, P>, byte: impl Fn(u32) -> u32) -> Self {
+        let pixels = view
+            .rows()
+            .flatten()
+            .map(|&gray| [byte(gray.into()).min(255) as u8; 3])
+            .collect();
+        Self {
+            pixels,
+            width: view.width(),
+            height: view.height(),
+        }
+    }
+
+    fn set(&mut self, x_px: f64, y_px: f64, colour: [u8; 3]) {
+        let (x, y) = (x_px.round(), y_px.round());
+        if x >= 0.0 && y >= 0.0 && x < self.width as f64 && y < self.height as f64 {
+            self.pixels[y as usize * self.width + x as usize] = colour;
+        }
+    }
+
+    /// A line of two pixels' width.
+    fn line(&mut self, from: [f64; 2], to: [f64; 2], colour: [u8; 3]) {
+        // What is far outside the picture need not be walked along.
+        let far = 4.0 * (self.width + self.height) as f64;
+        if !from.iter().chain(&to).all(|c| c.abs() < far) {
+            return;
+        }
+        let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
+        let steps = dx.abs().max(dy.abs()).ceil().max(1.0);
+        let (wide, high) = if dx.abs() > dy.abs() {
+            (0.0, 1.0)
+        } else {
+            (1.0, 0.0)
+        };
+        for i in 0..=steps as usize {
+            let t = i as f64 / steps;
+            let (x, y) = (from[0] + t * dx, from[1] + t * dy);
+            self.set(x, y, colour);
+            self.set(x + wide, y + high, colour);
+        }
+    }
+
+    /// Four arms from `inner` to `outer` pixels away.
+    fn cross(&mut self, [x, y]: [f64; 2], inner: f64, outer: f64, colour: [u8; 3]) {
+        for (dx, dy) in [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)] {
+            self.line(
+                [x + inner * dx, y + inner * dy],
+                [x + outer * dx, y + outer * dy],
+                colour,
+            );
+        }
+    }
+
+    /// Ellipse of one standard deviation about the centre.
+    fn ellipse(&mut self, plane: &Plane, at: [f64; 2], [[uu, uv], [_, vv]]: [[f64; 2]; 2]) {
+        let Some([u_m, v_m]) = plane.to_target(at) else {
+            return;
+        };
+        // L with L Lᵀ = the covariance.
+        let a = uu.max(0.0).sqrt();
+        let b = if a > 0.0 { uv / a } else { 0.0 };
+        let c = (vv - b * b).max(0.0).sqrt();
+        const SIDES: usize = 64;
+        let place = |i: usize| {
+            let (sine, cosine) = (std::f64::consts::TAU * i as f64 / SIDES as f64).sin_cos();
+            plane.to_pixels([u_m + a * cosine, v_m + b * cosine + c * sine])
+        };
+        for i in 0..SIDES {
+            if let (Some(from), Some(to)) = (place(i), place(i + 1)) {
+                self.line(from, to, SIGMA);
+            }
+        }
+    }
+
+    /// The edge of what is as bright as the threshold (means of 5 x 5 pixels, so that noise leaves no islands) and
+    /// hangs together with the centre; all of it where the centre is darker.
+    fn outline<P: Gray>(
+        &mut self,
+        view: View<'_, P>,
+        threshold: f64,
+        within: [f64; 4],
+        centre: Option<[f64; 2]>,
+    ) {
+        let clamp = |c: f64, size: usize| c.round().clamp(0.0, size as f64 - 1.0) as usize;
+        let (left, right) = (clamp(within[0], self.width), clamp(within[2], self.width));
+        let (top, bottom) = (clamp(within[1], self.height), clamp(within[3], self.height));
+        let (wide, high) = (right - left + 1, bottom - top + 1);
+        let bright: Vec<bool> = (0..high)
+            .flat_map(|row| (0..wide).map(move |column| (row, column)))
+            .map(|(row, column)| {
+                let rows = row.saturating_sub(2)..(row + 3).min(high);
+                let columns = column.saturating_sub(2)..(column + 3).min(wide);
+                let count = rows.len() * columns.len();
+                let sum: u32 = rows
+                    .map(|r| {
+                        let part = &view.row(top + r)[left + columns.start..left + columns.end];
+                        part.iter().map(|&gray| -> u32 { gray.into() }).sum::<u32>()
+                    })
+                    .sum();
+                f64::from(sum) >= threshold * count as f64
+            })
+            .collect();
+        let seed = centre.and_then(|[x, y]| {
+            let (column, row) = (x.round() - left as f64, y.round() - top as f64);
+            let inside = column >= 0.0 && row >= 0.0 && column < wide as f64 && row < high as f64;
+            let index = row.max(0.0) as usize * wide + column.max(0.0) as usize;
+            (inside && bright[index]).then_some(index)
+        });
+        let kept = match seed {
+            Some(seed) => connected(&bright, wide, seed),
+            None => bright,
+        };
+        for (index, _) in kept.iter().enumerate().filter(|(_, kept)| **kept) {
+            let (row, column) = (index / wide, index % wide);
+            let inner = row > 0
+                && column > 0
+                && row + 1 < high
+                && column + 1 < wide
+                && [index - 1, index + 1, index - wide, index + wide]
+                    .iter()
+                    .all(|&beside| kept[beside]);
+            if !inner {
+                self.set((left + column) as f64, (top + row) as f64, OUTLINE);
+            }
+        }
+    }
+}
+
+/// What hangs together with a place.
+fn connected(bright: &[bool], wide: usize, seed: usize) -> Vec<bool> {
+    let mut kept = vec![false; bright.len()];
+    let mut open = vec![seed];
+    kept[seed] = true;
+    while let Some(index) = open.pop() {
+        let column = index % wide;
+        let beside = [
+            (column > 0).then(|| index - 1),
+            (column + 1 < wide).then_some(index + 1),
+            index.checked_sub(wide),
+            Some(index + wide).filter(|&below| below < bright.len()),
+        ];
+        for next in beside.into_iter().flatten() {
+            if bright[next] && !kept[next] {
+                kept[next] = true;
+                open.push(next);
+            }
+        }
+    }
+    kept
+}

@@ -1,0 +1,276 @@
+//! `accuracy` and `simulate campaign` as people run them.
+
+// Test helpers fail loudly; the lint knows only functions that are tests themselves.
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use common::{Folder, rows};
+use serde_json::Value;
+
+const EVALUATE: &[&str] = &[
+    "accuracy",
+    "--spots",
+    "spots.csv",
+    "--weather",
+    "weather.csv",
+    "--slant-m",
+    "100",
+];
+
+fn campaign(more: &[&str]) -> Folder {
+    let folder = Folder::empty();
+    let make = [
+        "simulate",
+        "campaign",
+        "--spots",
+        "spots.csv",
+        "--weather",
+        "weather.csv",
+    ];
+    folder.run(&[&make, more].concat()).good();
+    folder
+}
+
+/// The examples at the end of the help, as they stand there.
+#[test]
+fn the_examples_of_the_help_work() {
+    for verb in [&["accuracy"][..], &["simulate", "campaign"]] {
+        let folder = Folder::empty();
+        let help = folder.run(&[verb, &["--help"]].concat()).good();
+        let example = help
+            .split("Example:")
+            .nth(1)
+            .unwrap()
+            .replace("\n      ", " ");
+        let commands: Vec<&str> = example
+            .lines()
+            .filter_map(|line| line.trim().strip_prefix("helio-rs "))
+            .collect();
+        assert!(!commands.is_empty(), "{help}");
+        for command in commands {
+            let args: Vec<&str> = command.split_whitespace().collect();
+            folder.run(&args).good();
+        }
+    }
+}
+
+#[test]
+fn verdicts_and_numbers_of_the_report() {
+    for (gust, minutes, verdict) in [
+        ("1", "40", "qualified"),
+        ("4.5", "40", "not qualified"),
+        ("1", "2", "not enough data"),
+    ] {
+        let folder = campaign(&["--gust-mrad", gust, "--minutes", minutes]);
+        let more = ["--report", "r.html", "--out", "r.json", "--frames", "f.csv"];
+        let run = folder.run(&[EVALUATE, &more].concat());
+        assert_eq!(run.good(), "");
+        assert!(
+            run.stderr()
+                .ends_with(&format!("{verdict} by T/GRLM 02-2014\n"))
+        );
+        let found: Value = serde_json::from_str(&folder.read("r.json")).unwrap();
+        assert_eq!(found["verdict"], verdict);
+        // the numbers again, from the rows
+        let frames = rows(&folder.read("f.csv"));
+        let etas: Vec<(f64, f64)> = frames
+            .iter()
+            .map(|row| {
+                (
+                    row["eta_mrad"].parse().unwrap(),
+                    row["wind_m_s"].parse().unwrap(),
+                )
+            })
+            .collect();
+        let rms = (etas.iter().map(|(eta, _)| eta * eta).sum::<f64>() / etas.len() as f64).sqrt();
+        let stated = found["figures"]["accuracy"]["mrad"].as_f64().unwrap();
+        assert!((rms - stated).abs() < 1e-9, "{rms} {stated}");
+        for share in found["shares"].as_array().unwrap() {
+            let wind = share["wind_m_s"].as_f64().unwrap();
+            let near: Vec<f64> = etas
+                .iter()
+                .filter(|(_, w)| (w - wind).abs() <= 1.0)
+                .map(|(eta, _)| *eta)
+                .collect();
+            let within = near.iter().filter(|eta| **eta <= 3.5).count();
+            assert_eq!(share["frames"], near.len());
+            assert_eq!(share["within"], within);
+        }
+        let page = folder.read("r.html");
+        let hash = found["files"][0]["sha256"].as_str().unwrap();
+        assert_eq!(hash.len(), 64);
+        assert!(page.contains(hash) && page.contains("clause by clause"));
+    }
+}
+
+/// The same to the byte, whatever the name of the output.
+#[test]
+fn standard_output_has_what_the_file_has() {
+    let folder = campaign(&["--minutes", "3"]);
+    let said = folder.run(EVALUATE).good();
+    folder
+        .run(&[EVALUATE, &["--out", "r.json"]].concat())
+        .good();
+    assert_eq!(said, folder.read("r.json"));
+}
+
+#[test]
+fn frames_left_out_are_told_by_reason() {
+    let folder = campaign(&["--minutes", "3", "--empty", "0.1"]);
+    // a gap of the weather from the 60th to the 151st second, low irradiance in the first ten
+    let weather: Vec<String> = folder
+        .read("weather.csv")
+        .lines()
+        .enumerate()
+        .filter(|(line, _)| !(62..=151).contains(line))
+        .map(|(line, text)| {
+            if (1..=11).contains(&line) {
+                let cells: Vec<&str> = text.split(',').collect();
+                format!("{},{},299,{}", cells[0], cells[1], cells[3])
+            } else {
+                text.to_owned()
+            }
+        })
+        .collect();
+    folder.write("weather.csv", weather.join("\n"));
+    let run = folder.run(EVALUATE);
+    assert_eq!(run.code(), 1, "{}", run.stderr());
+    let found: Value = serde_json::from_str(&run.stdout()).unwrap();
+    let of = |status: &str| found["frames"][status].as_u64().unwrap();
+    // the frames at the rows on either side, 91 s apart, have their weather
+    assert_eq!(of("no_dni"), 15 * 91 - 1);
+    assert!(of("low_dni") >= 150 && of("low_dni") < 166);
+    assert!(of("empty") > 50);
+    assert_eq!(of("ok") + of("no_dni") + of("low_dni") + of("empty"), 2700);
+    assert!(
+        run.stderr()
+            .contains("left out: low_dni (irradiance too low)")
+    );
+}
+
+#[test]
+fn other_limits_and_a_campaign_file_are_taken() {
+    let folder = campaign(&["--minutes", "10"]);
+    folder.write(
+        "limits.toml",
+        "name = \"House rule\"\nangle_mrad = 2\nleast_dni_w_m2 = 200\ncoldest_air_c = -10\nwarmest_air_c = 40\n\
+         wind_from_m_s = 0\nwind_to_m_s = 10\ncamera_bits = 8\ncamera_frames_per_s = 10\ncamera_width_px = 640\n\
+         camera_height_px = 480\n[shares.only]\nwind_m_s = 5\nshare = 0.2\n",
+    );
+    folder.write(
+        "campaign.toml",
+        "laboratory = \"Optics <1>\"\n[heliostat]\nname = \"B7\"\n[camera]\nbits = 7\n[uncertainty]\nslant_m = 0.5\n",
+    );
+    let more = [
+        "--limits",
+        "limits.toml",
+        "--campaign",
+        "campaign.toml",
+        "--heliostat-at-deg",
+        "20,-35",
+        "--report",
+        "r.html",
+    ];
+    let found: Value =
+        serde_json::from_str(&folder.run(&[EVALUATE, &more].concat()).good()).unwrap();
+    assert_eq!(found["verdict"], "qualified");
+    assert_eq!(found["shares"].as_array().unwrap().len(), 1);
+    let clause = |number: &str| {
+        let all = found["clauses"].as_array().unwrap();
+        all.iter().find(|c| c["clause"] == number).unwrap()["outcome"].clone()
+    };
+    assert_eq!(
+        (clause("5.3"), clause("8.2")),
+        ("deviates".into(), "deviates".into())
+    );
+    let figures = &found["figures"];
+    let accuracy = &figures["accuracy"];
+    assert!(accuracy["sigma_slant_mrad"].as_f64().unwrap() > 0.004);
+    let defined = &figures["accuracy_precision_bias_as_defined_mrad"][0];
+    assert!(defined.as_f64().unwrap() < accuracy["mrad"].as_f64().unwrap());
+    let page = folder.read("r.html");
+    assert!(page.contains("Optics &lt;1&gt;") && page.contains("of heliostat B7"));
+}
+
+/// Bad input is refused by name, and nothing is left behind.
+#[test]
+fn bad_input_is_refused() {
+    let with = |name: &str, text: &str, more: &[&str], words: &str| {
+        let folder = campaign(&["--minutes", "1"]);
+        if !name.is_empty() {
+            folder.write(name, text);
+        }
+        let before = folder.contents();
+        let run = folder.run(&[EVALUATE, more].concat());
+        let said = run.stderr();
+        assert_eq!((run.code(), run.stdout().as_str()), (2, ""), "{said}");
+        assert!(said.contains(words), "wanted {words}: {said}");
+        assert!(
+            folder.contents() == before,
+            "{words}: something was left behind"
+        );
+    };
+    let spots = "file,time,u_m,v_m,status\n";
+    let one = format!("{spots}a,2026-06-20T08:00:01Z,0,0,ok\n");
+    with("spots.csv", &one.replace("01Z", "01"), &[], "no offset");
+    with("spots.csv", spots, &[], "no rows");
+    with("spots.csv", "", &[], "spots.csv");
+    with(
+        "spots.csv",
+        "file,u_m,v_m,status\na,0,0,ok\n",
+        &[],
+        "no row has a time",
+    );
+    with("spots.csv", &one.replace(",ok", ",fine"), &[], "`fine`");
+    with("spots.csv", &one.replace("u_m", "um"), &[], "u_m");
+    with(
+        "weather.csv",
+        "time,wind\n2026-06-20T08:00:01Z,3\n",
+        &[],
+        "unknown column `wind`",
+    );
+    with(
+        "weather.csv",
+        "time,wind_m_s\n2026-06-20T08:00:01,3\n",
+        &[],
+        "no offset",
+    );
+    with("weather.csv", "time,wind_m_s\n", &[], "no rows");
+    with(
+        "limits.toml",
+        "name = 3\n",
+        &["--limits", "limits.toml"],
+        "limits.toml",
+    );
+    with(
+        "c.toml",
+        "[camra]\n",
+        &["--campaign", "c.toml"],
+        "did you mean `camera`",
+    );
+    with("", "", &["--aim", "1"], "comma");
+    with("", "", &["--confidence", "95"], "parts of one");
+    with("", "", &["--out", "r.csv"], ".json");
+    with("", "", &["--report", "r.pdf"], ".html");
+    with("", "", &["--frames", "spots.csv"], "this run reads it");
+    with(
+        "",
+        "",
+        &["--frames", "x.json", "--out", "x.json"],
+        "name the same file",
+    );
+    with("", "", &["--accept", "empty"], "possible values");
+    let folder = campaign(&["--minutes", "1"]);
+    let run = folder.run(&["accuracy", "--spots", "spots.csv", "--slant-m", "0"]);
+    assert_eq!(run.code(), 2);
+    assert!(
+        run.stderr().contains("number of metres"),
+        "{}",
+        run.stderr()
+    );
+    let weather = ["--weather", "nowhere.csv", "--slant-m", "100"];
+    let run = folder.run(&[&["accuracy", "--spots", "spots.csv"], &weather[..]].concat());
+    assert_eq!(run.code(), 2);
+    assert!(run.stderr().contains("nowhere.csv"), "{}", run.stderr());
+}

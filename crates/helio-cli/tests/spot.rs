@@ -1,0 +1,320 @@
+//! `simulate images`, `spot` and `calibrate --spots`.
+
+// Test helpers fail loudly; the lint knows only functions that are tests themselves.
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::process::Stdio;
+
+use common::{Folder, rows};
+
+type Row = BTreeMap<String, String>;
+
+fn number(row: &Row, name: &str) -> f64 {
+    row[name]
+        .parse()
+        .unwrap_or_else(|_| panic!("{name} of {row:?}"))
+}
+
+fn simulated(args: &str) -> Folder {
+    let folder = Folder::empty();
+    let args: Vec<&str> = args.split_whitespace().collect();
+    folder
+        .run(&[&["simulate", "images", "--out", "f"], &args[..]].concat())
+        .good();
+    folder
+}
+
+fn spot(folder: &Folder, more: &[&str]) -> common::Run {
+    folder.run(&[&["spot", "--target", "f/target.toml"], more].concat())
+}
+
+/// Distances from the truth \[m\].
+fn misses(folder: &Folder, found: &str) -> Vec<f64> {
+    let truth = rows(&folder.read("f/truth.csv"));
+    rows(found)
+        .iter()
+        .zip(&truth)
+        .map(|(found, truth)| {
+            let off = |name| number(found, name) - number(truth, name);
+            off("u_m").hypot(off("v_m"))
+        })
+        .collect()
+}
+
+#[test]
+fn simulated_spots_are_found_where_they_are() {
+    let folder = simulated("--frames 4 --seed 3 --turn-deg 12 --roll-deg 2 --distortion -0.05");
+    for (more, within_m) in [
+        (&[][..], 0.01),
+        (&["--method", "standard", "--threshold", "multi:3"][..], 0.1),
+    ] {
+        let found = spot(&folder, &[&["f"], more].concat()).good();
+        let misses = misses(&folder, &found);
+        assert_eq!(misses.len(), 4);
+        assert!(misses.iter().all(|&m| m < within_m), "{more:?} {misses:?}");
+        for row in rows(&found) {
+            assert_eq!(row["status"], "ok");
+            assert!(row["flags"].contains("corners_given") && number(&row, "sigma_m") > 0.0);
+        }
+    }
+}
+
+#[test]
+fn marks_are_looked_for_where_no_corners_are_given() {
+    let folder =
+        simulated("--frames 2 --seed 4 --turn-deg 12 --roll-deg 2 --find-marks --size 900x700");
+    assert!(!folder.read("f/target.toml").contains("corners_px"));
+    let found = spot(&folder, &["f"]).good();
+    assert!(!found.contains("corners_given"));
+    let misses = misses(&folder, &found);
+    assert!(misses.iter().all(|&m| m < 0.02), "{misses:?}");
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_bytes_in_the_order_of_the_frames() {
+    let folder = simulated("--frames 5 --seed 2 --empty-every 2");
+    let run = |threads: &str| {
+        let run = spot(&folder, &["f/000004.png", "f", "--threads", threads]);
+        assert_eq!(run.code(), 1, "two frames are empty");
+        run.stdout()
+    };
+    let one = run("1");
+    assert_eq!(one, run("3"));
+    let names: Vec<String> = rows(&one).iter().map(|row| row["file"].clone()).collect();
+    let status: Vec<String> = rows(&one).iter().map(|row| row["status"].clone()).collect();
+    assert_eq!(names.len(), 6);
+    assert!(names[0].ends_with("000004.png") && names[1].ends_with("000001.png"));
+    assert_eq!(status, ["empty", "ok", "empty", "ok", "empty", "ok"]);
+    let empty = &rows(&one)[0];
+    assert!(empty["u_m"].is_empty() && empty["sigma_m"].is_empty());
+}
+
+#[test]
+fn bad_frames_are_rows_and_stop_nobody() {
+    let folder = simulated("--frames 2 --seed 2");
+    folder.write("text.png", "this is no picture");
+    let good = std::fs::read(folder.path().join("f/000001.png")).unwrap();
+    folder.write("short.png", &good[..good.len() / 2]);
+    folder.write("nothing.png", "");
+    folder.write("bomb.pgm", "P5 40000 40000 255\n");
+    let files = [
+        "f/000001.png",
+        "text.png",
+        "short.png",
+        "missing.png",
+        "nothing.png",
+        "bomb.pgm",
+        "f/000002.png",
+    ];
+    let run = spot(&folder, &files);
+    assert_eq!(run.code(), 1);
+    let found = rows(&run.stdout());
+    let status: Vec<&str> = found.iter().map(|row| row["status"].as_str()).collect();
+    let bad = "unreadable";
+    assert_eq!(status, ["ok", bad, bad, bad, bad, bad, "ok"]);
+    for row in &found[1..6] {
+        assert!(
+            !row["reason"].is_empty() && row["u_m"].is_empty(),
+            "{row:?}"
+        );
+    }
+    assert!(found[3]["reason"].contains("cannot be read"));
+    assert!(run.stderr().contains("5 of 7 frames"), "{}", run.stderr());
+}
+
+#[test]
+fn raw_video_has_the_spots_of_its_frames_and_times() {
+    let folder = simulated("--frames 3 --seed 6 --size 200x160");
+    let files = rows(&spot(&folder, &["f"]).stdout());
+    let mut video = Vec::new();
+    for number in 1..=3 {
+        let bytes = std::fs::read(folder.path().join(format!("f/00000{number}.png"))).unwrap();
+        let limits = helio_spot::Limits::default();
+        let helio_spot::Frame::Gray8(picture) = helio_spot::decode(&bytes, &limits).unwrap() else {
+            panic!("8 bit wanted");
+        };
+        video.extend(picture.into_pixels());
+    }
+    video.extend([7; 100]);
+    let args =
+        "spot - --raw 200x160 --fps 25 --start 2026-06-21T14:00:00+02:00 --target f/target.toml";
+    let args: Vec<&str> = args.split_whitespace().collect();
+    let mut child = folder
+        .command(&args)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    child.stdin.take().unwrap().write_all(&video).unwrap();
+    let run = common::Run(child.wait_with_output().unwrap());
+    assert_eq!(run.code(), 1, "{}", run.stderr());
+    let found = rows(&run.stdout());
+    assert_eq!(found.len(), 4);
+    for (video, file) in found.iter().zip(&files) {
+        for name in ["u_m", "v_m", "sigma_m", "threshold"] {
+            assert_eq!(video[name], file[name]);
+        }
+    }
+    assert_eq!(found[1]["time"], "2026-06-21T12:00:00.04Z");
+    assert_eq!(found[3]["status"], "unreadable");
+    assert!(
+        found[3]["reason"].contains("100 of its 32000 bytes"),
+        "{:?}",
+        found[3]
+    );
+}
+
+#[test]
+fn overlays_are_drawn_beside_the_frames() {
+    let folder = simulated("--frames 2 --seed 1 --bits 16");
+    for method in ["robust", "standard"] {
+        spot(&folder, &["f", "--overlay", method, "--method", method]).good();
+        for name in ["000001.png", "000002.png"] {
+            let bytes = std::fs::read(folder.path().join(method).join(name)).unwrap();
+            assert!(bytes.len() > 10_000);
+        }
+    }
+    let run = spot(&folder, &["f", "--overlay", "f"]);
+    assert_eq!(run.code(), 2);
+    assert!(
+        run.stderr().contains("a frame that this run reads"),
+        "{}",
+        run.stderr()
+    );
+}
+
+#[test]
+fn wrong_calls_are_refused_with_what_is_wanted() {
+    let folder = simulated("--frames 1");
+    std::fs::create_dir(folder.path().join("empty")).unwrap();
+    folder.write(
+        "three.toml",
+        "width_m = 8\nheight_m = 7\ncorners_px = [[0, 0], [9, 0], [9, 9]]\n",
+    );
+    let said = |args: &[&str]| {
+        let run = folder.run(&[&["spot"], args].concat());
+        assert_eq!(run.code(), 2, "{args:?}: {}", run.stderr());
+        assert!(run.stdout().is_empty());
+        run.stderr()
+    };
+    let t = ["--target", "f/target.toml"];
+    let with = |args: &[&str]| said(&[&t, args].concat());
+    assert!(with(&["empty"]).contains("without pictures"));
+    assert!(with(&["*.gif"]).contains("no file matches"));
+    assert!(with(&["-"]).contains("--raw WIDTHxHEIGHT"));
+    assert!(with(&["f", "--raw", "8x8"]).contains("wanted - and no other file"));
+    assert!(with(&["f", "--threshold", "fixed:80"]).contains("--method standard"));
+    assert!(with(&["f", "--method", "standard", "--expected", "1,1"]).contains("--method robust"));
+    assert!(with(&["f", "--threshold", "mean"]).contains("wanted otsu"));
+    assert!(with(&["f", "--fps", "25"]).contains("--start"));
+    assert!(with(&["f", "--fps", "25", "--start", "2026-06-21T12:00:00"]).contains("offset"));
+    assert!(with(&["f", "--out", "f/000001.png", "--format", "csv"]).contains("this run reads it"));
+    assert!(said(&["--target", "three.toml", "f"]).contains("three.toml:3:14"));
+    assert!(with(&["-", "--raw", "65535x65535"]).contains("--raw"));
+}
+
+/// A heliostat whose spots are simulated, drawn into frames, found again and fitted: nearly as from the spots
+/// themselves.
+#[test]
+fn frames_lead_to_a_calibration() {
+    let folder = Folder::new();
+    let run = |line: &str| {
+        let args: Vec<&str> = line.split_whitespace().collect();
+        folder.run(&args)
+    };
+    run(
+        "simulate observations --field field.toml --ids A1 --count 12 --seed 4 --random-errors \
+         --noise-mrad 0.2 --out seen.csv",
+    )
+    .good();
+    let seen = rows(&folder.read("seen.csv"));
+    let mut log = String::from("heliostat_id,file,time,axis1_deg,axis2_deg\n");
+    let mut spots = String::from("file,time,u_m,v_m,sigma_m,status\n");
+    for (index, row) in seen.iter().enumerate() {
+        let [time, one, two] = ["time", "axis1_deg", "axis2_deg"].map(|name| &row[name]);
+        log += &format!("A1,{index}.png,{time},{one},{two}\n");
+        let status = match index {
+            3 => "cut",
+            5 => "saturated",
+            7 => "ambiguous",
+            _ => "ok",
+        };
+        let (u_m, v_m) = (&row["u_m"], &row["v_m"]);
+        match index {
+            8 => spots += &format!("run/{index}.png,{time},,,,empty\n"),
+            9 => {}
+            _ => spots += &format!("run/{index}.png,{time},{u_m},{v_m},0.02,{status}\n"),
+        }
+    }
+    folder.write("log.csv", &log);
+    folder.write("spots.csv", &spots);
+    let whole = "calibrate --field field.toml --observations log.csv --spots spots.csv --keep-all \
+                 --rejected rejected.csv";
+    let apart = rows(&run(whole).stdout());
+    let reasons: Vec<(String, String)> = rows(&folder.read("rejected.csv"))
+        .iter()
+        .map(|row| (row["line"].clone(), row["reason"].clone()))
+        .collect();
+    let wanted = [
+        (5, "spot_cut"),
+        (9, "spot_ambiguous"),
+        (10, "spot_empty"),
+        (11, "no_frame"),
+    ];
+    let wanted: Vec<(String, String)> = wanted
+        .map(|(line, word)| (line.to_string(), word.to_owned()))
+        .to_vec();
+    assert_eq!(reasons, wanted);
+    // The same records in one table.
+    let mut one = String::from("heliostat_id,time,axis1_deg,axis2_deg,u_m,v_m,sigma_m\n");
+    for (_, row) in seen
+        .iter()
+        .enumerate()
+        .filter(|(i, _)| ![3, 7, 8, 9].contains(i))
+    {
+        let cells = ["time", "axis1_deg", "axis2_deg", "u_m", "v_m"].map(|name| row[name].as_str());
+        one += &format!("A1,{},0.02\n", cells.join(","));
+    }
+    folder.write("one.csv", &one);
+    let together =
+        rows(&run("calibrate --field field.toml --observations one.csv --keep-all").stdout());
+    for name in [
+        "observations",
+        "azimuth_reference_deg",
+        "mirror_tilt_deg",
+        "rms_mrad",
+        "condition",
+    ] {
+        assert_eq!(apart[0][name], together[0][name], "{name}");
+    }
+    // By time instead of names.
+    let by_time = log.replace(",file", ",record_id");
+    folder.write("log.csv", by_time);
+    let timed = rows(&run(whole).stdout());
+    assert_eq!(timed[0]["rms_mrad"], apart[0]["rms_mrad"]);
+    // Nothing that fits.
+    folder.write("log.csv", log.replace(".png", ".jpg"));
+    let said = run(whole);
+    assert_eq!(said.code(), 2);
+    assert!(
+        said.stderr()
+            .contains("none of the 12 records belongs to a frame"),
+        "{}",
+        said.stderr()
+    );
+    folder.write(
+        "log.csv",
+        log.replace("A1,", "A1,0.1,0.2,")
+            .replace("heliostat_id,", "heliostat_id,u_m,v_m,"),
+    );
+    assert!(
+        run(whole).stderr().contains("given apart"),
+        "{}",
+        run(whole).stderr()
+    );
+}

@@ -1,0 +1,12 @@
+//! TIFF files.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+
+mod common;
+
+fuzz_target!(|bytes: &[u8]| {
+    if bytes.starts_with(b"II") || bytes.starts_with(b"MM") {
+        common::decode_one(bytes);
+    }
+});
