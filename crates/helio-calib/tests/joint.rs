@@ -10,7 +10,8 @@ use helio_calib::joint::simulate::{
     FieldCauses, FieldOptions, RecordTruth, SimulatedField, simulate_field, uncorrelated,
 };
 use helio_calib::joint::{
-    AxisCause, Cause, FieldState, Foretold, JointFit, JointOptions, JumpSeen, Step, fit_joint,
+    AxisCause, Cause, FieldState, Foretold, JointFit, JointOptions, JumpSeen, SpotCause, Step,
+    fit_joint,
 };
 use helio_calib::simulate::Aiming;
 use helio_core::{PoseErrors, TrackingMode};
@@ -48,9 +49,10 @@ fn true_value(causes: &FieldCauses, cause: Cause) -> f64 {
         Cause::Axis(AxisCause::Axis1Sag) => causes.pose_errors.axis1_sag_rad,
         Cause::Axis(AxisCause::Axis2Sag) => causes.pose_errors.axis2_sag_rad,
         Cause::Axis(AxisCause::Axis2Eccentricity) => causes.pose_errors.axis2_eccentricity_rad,
-        Cause::TargetRight(target) => shift(target, 0),
-        Cause::TargetDown(target) => shift(target, 1),
-        Cause::SunTime => causes.sun_time_s,
+        Cause::Target(SpotCause::TargetRight, target) => shift(target, 0),
+        Cause::Target(SpotCause::TargetDown, target) => shift(target, 1),
+        Cause::Spots(SpotCause::SunTime) => causes.sun_time_s,
+        _ => panic!("{cause:?} has the wrong scope"),
     }
 }
 
@@ -65,8 +67,7 @@ fn all_causes(options: &FieldOptions) -> JointOptions {
 fn no_causes(options: &FieldOptions) -> JointOptions {
     JointOptions {
         axis_causes: Vec::new(),
-        target_shifts: false,
-        sun_time: false,
+        spot_causes: Vec::new(),
         ..JointOptions::new(options.site.latitude_rad())
     }
 }
@@ -97,7 +98,7 @@ struct NextDay {
 impl NextDay {
     fn add(&mut self, field: &SimulatedField, fit: &JointFit, k: usize, from: usize) {
         let heliostat = &field.heliostats[k];
-        let foretold = fit.foretell(k, &heliostat.after(from));
+        let foretold = fit.foretell(k, &heliostat.after(from)).unwrap();
         self.count(&foretold, &heliostat.truth[from..]);
     }
 
@@ -522,10 +523,10 @@ fn following_foretells_what_fitting_all_does() {
         let fit = fit_joint(&field.first(options.records), &how).unwrap();
         for (k, heliostat) in field.heliostats.iter().enumerate() {
             let later = heliostat.after(options.records);
-            let followed = state.foretell(k, &later);
+            let followed = state.foretell(k, &later).unwrap();
             next_day.count(&followed, &heliostat.truth[options.records..]);
             refit.add(&field, &fit, k, options.records);
-            for (a, b) in followed.iter().zip(fit.foretell(k, &later)) {
+            for (a, b) in followed.iter().zip(fit.foretell(k, &later).unwrap()) {
                 let between = f64::hypot(
                     a.miss_mrad[0] - b.miss_mrad[0],
                     a.miss_mrad[1] - b.miss_mrad[1],
@@ -656,7 +657,10 @@ fn newcomers_may_come_with_many_records_at_once() {
             let place = state.add(&k.to_string());
             state.update(&[(place, heliostat.first(30))]).unwrap();
             let later = heliostat.after(30);
-            next_day.count(&state.foretell(place, &later), &heliostat.truth[30..]);
+            next_day.count(
+                &state.foretell(place, &later).unwrap(),
+                &heliostat.truth[30..],
+            );
         }
     }
     next_day.report("newcomers");

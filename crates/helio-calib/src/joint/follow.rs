@@ -13,7 +13,7 @@ use super::hypotheses::{Account, Mishaps, decide, told_by};
 use super::rows::{ANGLES, Expansion, MILLI, Rows, Structure, filter_unit, parameters, pole};
 use super::terms::{AxisCause, Cause};
 use super::{CommonCause, JointFit, WANDERING, is_free};
-use crate::error::CalibrationError;
+use crate::error::{CalibrationError, in_place};
 use crate::field::Campaign;
 use crate::parameters::Parameters;
 
@@ -76,9 +76,11 @@ const MOST_UNDECIDED: usize = 60;
 /// \[rad\].
 const MOVED_RAD: f64 = 1e-3;
 
-/// A heliostat that is followed.
+/// A heliostat that is followed; accounts as the state holds them, or as plain numbers ([`HeliostatParts`]).
+///
+/// [`HeliostatParts`]: super::HeliostatParts
 #[derive(Debug, Clone, PartialEq)]
-pub struct Followed {
+pub struct Followed<A = Account> {
     /// Its name.
     pub id: String,
     /// Its last record \[days since 1970\].
@@ -89,10 +91,25 @@ pub struct Followed {
     pub outliers: u64,
     /// The last jumps that are certain, in time.
     pub jumps: Vec<JumpSeen>,
-    /// What may have happened, likeliest first.
-    pub(super) accounts: Vec<Account>,
-    /// Days of the records that marks of undecided accounts count.
-    pub(super) undecided: Vec<f64>,
+    /// What may have happened, likeliest first; at least one.
+    pub accounts: Vec<A>,
+    /// Days of the records that are still in doubt \[since 1970\].
+    pub undecided: Vec<f64>,
+}
+
+impl<A> Followed<A> {
+    /// The same with its accounts in another form.
+    pub(super) fn with<B>(&self, accounts: Vec<B>) -> Followed<B> {
+        Followed {
+            id: self.id.clone(),
+            last_day: self.last_day,
+            records: self.records,
+            outliers: self.outliers,
+            jumps: self.jumps.clone(),
+            accounts,
+            undecided: self.undecided.clone(),
+        }
+    }
 }
 
 /// What became of a record.
@@ -275,23 +292,22 @@ impl FieldState {
     /// The same records in the same calls give the same bits, whatever the number of threads.
     ///
     /// # Errors
-    /// [`CalibrationError::BadOption`] if a place is not one of [`heliostats`](Self::heliostats) or stands twice.
+    /// [`CalibrationError::NoSuchHeliostat`] if a place is not one of [`heliostats`](Self::heliostats),
+    /// [`CalibrationError::BadOption`] if it stands twice.
     pub fn update(
         &mut self,
         campaigns: &[(usize, Campaign<'_>)],
     ) -> Result<Vec<Vec<Step>>, CalibrationError> {
         let mut asked: Vec<Option<usize>> = vec![None; self.heliostats.len()];
         for (n, &(place, _)) in campaigns.iter().enumerate() {
-            match asked.get_mut(place) {
-                Some(free @ None) => *free = Some(n),
-                _ => {
-                    return Err(CalibrationError::BadOption {
-                        what: "place of a heliostat",
-                        wanted: "one of the state, once",
-                        value: place as f64,
-                    });
-                }
+            if in_place(&asked, "place", place)?.is_some() {
+                return Err(CalibrationError::BadOption {
+                    what: "place",
+                    wanted: "stated once",
+                    value: place as f64,
+                });
             }
+            asked[place] = Some(n);
         }
         let rates = self.hyper().rates();
         let context = Context {
@@ -330,12 +346,15 @@ impl FieldState {
     /// Holds observations of a heliostat against what is foretold of them, without taking them in; in their
     /// order.
     ///
-    /// # Panics
-    /// If there is no heliostat in that place.
-    #[must_use]
-    pub fn foretell(&self, place: usize, campaign: &Campaign<'_>) -> Vec<Foretold> {
+    /// # Errors
+    /// [`CalibrationError::NoSuchHeliostat`] if there is no heliostat in that place.
+    pub fn foretell(
+        &self,
+        place: usize,
+        campaign: &Campaign<'_>,
+    ) -> Result<Vec<Foretold>, CalibrationError> {
         let shape = self.structure.shape();
-        let heliostat = &self.heliostats[place];
+        let heliostat = in_place(&self.heliostats, "place", place)?;
         let belief = heliostat.belief(&self.common);
         let rates = self.hyper().rates();
         let at = Expansion {
@@ -346,27 +365,31 @@ impl FieldState {
             shared: shared_values(&self.structure, &self.common),
         };
         let rows = Rows::of(&self.structure, campaign, &at, pole(self.site_latitude_rad));
-        later(&belief, heliostat.last_day, &rows, &rates, &self.common)
+        let last = heliostat.last_day;
+        Ok(later(&belief, last, &rows, &rates, &self.common))
     }
 
     /// What a heliostat is believed to be at a time \[days since 1970\], not before its last record.
-    pub(super) fn belief_at(&self, place: usize, day: f64) -> Belief<f64> {
-        let heliostat = &self.heliostats[place];
+    pub(super) fn belief_at(
+        &self,
+        place: usize,
+        day: f64,
+    ) -> Result<Belief<f64>, CalibrationError> {
+        let heliostat = in_place(&self.heliostats, "place", place)?;
         let mut belief = heliostat.belief(&self.common).into_owned();
         if let Some(last) = heliostat.last_day {
             let (kept, added) = waited(&self.hyper().rates(), day - last);
             belief.wait(kept, added);
         }
-        belief
+        Ok(belief)
     }
 
     /// What is known of a heliostat at a time \[days since 1970\], not before its last record.
     ///
-    /// # Panics
-    /// If there is no heliostat in that place.
-    #[must_use]
-    pub fn known(&self, place: usize, day: f64) -> Known {
-        let belief = self.belief_at(place, day);
+    /// # Errors
+    /// [`CalibrationError::NoSuchHeliostat`] if there is no heliostat in that place.
+    pub fn known(&self, place: usize, day: f64) -> Result<Known, CalibrationError> {
+        let belief = self.belief_at(place, day)?;
         let shape = belief.shape;
         let (own, still) = (shape.own(), shape.still);
         let mean = self.common.mean_of(&belief);
@@ -405,29 +428,28 @@ impl FieldState {
                 };
             }
         }
-        Known {
+        Ok(Known {
             values,
             covariance: out,
             zero_rad,
             zero_sigma_rad,
             pose_errors: PoseErrors::from_array(pose_errors.map(|(value, _)| value)),
             pose_sigmas_rad: pose_errors.map(|(_, sigma)| sigma),
-        }
+        })
     }
 
     /// Six angles at rest and causes of its own of a heliostat \[rad\], and one standard deviation of each.
     ///
-    /// # Panics
-    /// If there is no heliostat in that place.
-    #[must_use]
-    pub fn at_rest(&self, place: usize) -> (Vec<f64>, Vec<f64>) {
-        let belief = &*self.heliostats[place].belief(&self.common);
+    /// # Errors
+    /// [`CalibrationError::NoSuchHeliostat`] if there is no heliostat in that place.
+    pub fn at_rest(&self, place: usize) -> Result<(Vec<f64>, Vec<f64>), CalibrationError> {
+        let belief = &*in_place(&self.heliostats, "place", place)?.belief(&self.common);
         let (own, still) = (belief.shape.own(), belief.shape.still);
         let covariance = self.common.covariance_of(belief);
         let sigma = |i: usize| libm::sqrt(covariance[i * own + i].max(0.0)) / MILLI;
         let mean = self.common.mean_of(belief);
         let values = mean[..still].iter().map(|x| x / MILLI).collect();
-        (values, (0..still).map(sigma).collect())
+        Ok((values, (0..still).map(sigma).collect()))
     }
 
     /// Mean of heliostats' own unknowns at rest \[rad\], six angles and then causes of their own.

@@ -42,14 +42,14 @@ pub(super) const GIVEN_UP: f64 = 12.0;
 
 /// One account of what happened.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Account {
+pub struct Account {
     /// Less that of the likeliest.
-    pub log_likelihood: f64,
-    pub belief: Belief<f64>,
+    pub(super) log_likelihood: f64,
+    pub(super) belief: Belief<f64>,
     /// What its records tell of what is common, since that was last taken from it.
-    pub told: Told<f64>,
-    pub marks: Marks,
-    pub drift: Drift,
+    pub(super) told: Told<f64>,
+    pub(super) marks: Marks,
+    pub(super) drift: Drift,
 }
 
 /// Exponentially weighted running mean of the misses of an account in their standard deviations.
@@ -81,7 +81,7 @@ impl Drift {
 }
 
 impl Account {
-    pub fn new(belief: Belief<f64>) -> Self {
+    pub(super) fn new(belief: Belief<f64>) -> Self {
         Self {
             log_likelihood: 0.0,
             told: Told::nothing(belief.shape),

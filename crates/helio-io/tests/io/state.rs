@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use helio_calib::Mount;
 use helio_calib::joint::{
-    AccountParts, Alarm, AxisCause, Cause, HeliostatParts, JumpSeen, Mishaps, Noise, StateParts,
-    Wander,
+    AccountParts, Alarm, AxisCause, Cause, HeliostatParts, JumpSeen, Mishaps, Noise, SpotCause,
+    StateParts, Wander,
 };
 use helio_io::output::{Cells, Destination, Format, write_columns};
 use helio_io::{KeptMount, LoadedField, StateFile, load_field, read_state, write_state};
@@ -129,9 +129,9 @@ fn state(loaded: &LoadedField) -> StateFile {
             shared: vec![
                 Cause::Axis(AxisCause::Axis1Sag),
                 Cause::Axis(AxisCause::Axis2Sag),
-                Cause::TargetRight(0),
-                Cause::TargetDown(0),
-                Cause::SunTime,
+                Cause::Target(SpotCause::TargetRight, 0),
+                Cause::Target(SpotCause::TargetDown, 0),
+                Cause::Spots(SpotCause::SunTime),
             ],
             prior_sigma: odd(1, 14),
             spread: odd(2, 28),

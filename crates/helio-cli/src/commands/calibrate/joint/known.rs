@@ -1,7 +1,7 @@
 //! What is known of every heliostat, as rows of the calibration table.
 
 use helio_calib::aiming::encoder_angles_rad;
-use helio_calib::joint::{DAY_NS, FieldState, Foretold, Known};
+use helio_calib::joint::{DAY_NS, FieldState, Foretold, Known, NO_TARGET};
 use helio_calib::plan::year_suns;
 use helio_calib::{
     Campaign, Duty, Mount, Observation, Parameter, Parameters, Sighting, tilt_standard_error,
@@ -10,7 +10,7 @@ use helio_core::{EnuUnit, TargetPlane};
 use helio_io::{CalibratedSet, JointColumns, errors_as_written};
 use rayon::prelude::*;
 
-use super::{NO_TARGET, OK, Run};
+use super::{OK, Run};
 use crate::commands::calibrate::LOWEST_SUN_RAD;
 use crate::failure::Failure;
 use crate::plan::{SunClock, toward};
@@ -114,7 +114,7 @@ impl Run<'_> {
         rows: &[Option<usize>],
         seen: &[Seen],
         day: &Day,
-    ) -> Vec<CalibratedSet> {
+    ) -> Result<Vec<CalibratedSet>, Failure> {
         let mut places: Vec<(usize, usize)> = rows
             .iter()
             .enumerate()
@@ -134,11 +134,11 @@ impl Run<'_> {
         place: usize,
         seen: &Seen,
         day: &Day,
-    ) -> CalibratedSet {
+    ) -> Result<CalibratedSet, Failure> {
         let id = &self.loaded.field.ids()[row];
         let followed = &state.heliostats()[place];
-        let known = state.known(place, day.day);
-        let last = state.known(place, followed.last_day.unwrap_or(day.day));
+        let known = state.known(place, day.day)?;
+        let last = state.known(place, followed.last_day.unwrap_or(day.day))?;
         if !known
             .values
             .iter()
@@ -146,7 +146,7 @@ impl Run<'_> {
             .all(|x| x.is_finite())
         {
             let why = "the joint fit gave no finite numbers";
-            return CalibratedSet::without_result(id, "undetermined", why);
+            return Ok(CalibratedSet::without_result(id, "undetermined", why));
         }
         let mut mount = self.mount(row);
         let parameters = known.parameters(mount.mirror_offset_m);
@@ -156,7 +156,7 @@ impl Run<'_> {
             suns: &day.year,
             aim,
         };
-        let year_mrad = state.pointing_mrad(place, &mount, day.day, &duty);
+        let year_mrad = state.pointing_mrad(place, &mount, day.day, &duty)?;
         let year_pointing_mrad = year_mrad.unwrap_or(f64::NAN);
         let limit_mrad = self.args.fit.max_year_pointing_mrad;
         let refused = (self.args.typed.contains(&"max_year_pointing_mrad")
@@ -190,14 +190,14 @@ impl Run<'_> {
             observations: &poses,
         };
         let squares: Vec<f64> = state
-            .foretell(place, &campaign)
+            .foretell(place, &campaign)?
             .iter()
             .map(|foretold| foretold.expected_mrad().powi(2))
             .filter(|square| square.is_finite())
             .collect();
         let [beam_rms_mrad, rms_mrad, expected_mrad] = seen.rms_mrad();
         let good = refused.is_none();
-        CalibratedSet {
+        Ok(CalibratedSet {
             errors: good.then(|| errors_as_written(&parameters.errors())),
             pose_errors_rad: known
                 .pose_errors
@@ -223,7 +223,7 @@ impl Run<'_> {
                 None => CalibratedSet::without_result(id, OK, ""),
                 Some(why) => CalibratedSet::without_result(id, "undetermined", why),
             }
-        }
+        })
     }
 }
 
