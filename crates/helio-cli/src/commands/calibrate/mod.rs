@@ -175,7 +175,7 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
     })
 }
 
-/// How far beyond the clock a record may be dated [ns]: a day, as clocks and offsets from UTC are set wrong.
+/// How far beyond the clock a record may be dated \[ns\]: a day, as clocks and offsets from UTC are set wrong.
 const AHEAD_NS: i64 = 86_400_000_000_000;
 
 /// The observations that can be used, which are some, and the hash of their file. What is dated later than the clock
