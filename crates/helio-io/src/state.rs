@@ -415,6 +415,7 @@ fn batch(state: &StateFile) -> Result<RecordBatch, arrow::error::ArrowError> {
         ),
         ("records", counts(&|h| h.records), false),
         ("outliers", counts(&|h| h.outliers), false),
+        ("jump_count", counts(&|h| h.jump_count), false),
         (
             "jump_days",
             lists(&|h, _| h.jumps.iter().map(|j| j.day).collect())?,
@@ -426,6 +427,11 @@ fn batch(state: &StateFile) -> Result<RecordBatch, arrow::error::ArrowError> {
         (
             "drift_variance",
             number_of_account(&|a| a.drift_variance),
+            false,
+        ),
+        (
+            "unbelieved",
+            number_of_account(&|a| a.unbelieved as f64),
             false,
         ),
         ("undecided_days", lists(&|h, _| h.undecided.clone())?, false),
@@ -802,6 +808,8 @@ fn take(batch: &RecordBatch, state: &mut StateFile) -> Result<(), Unread> {
         rows.whole("records")?,
         rows.whole("outliers")?,
     );
+    let unbelieved = rows.numbers("unbelieved")?;
+    let jump_count = rows.whole("jump_count")?;
     let (drift1, drift2, drift_variance) = (
         rows.numbers("drift1")?,
         rows.numbers("drift2")?,
@@ -852,6 +860,7 @@ fn take(batch: &RecordBatch, state: &mut StateFile) -> Result<(), Unread> {
                 last_day: last_day.is_valid(row).then(|| last_day.value(row)),
                 records: records[row].unsigned_abs(),
                 outliers: outliers[row].unsigned_abs(),
+                jump_count: jump_count[row].unsigned_abs(),
                 jumps: pairs
                     .map(|(&day, &axis)| JumpSeen {
                         day,
@@ -868,6 +877,7 @@ fn take(batch: &RecordBatch, state: &mut StateFile) -> Result<(), Unread> {
                 log_likelihood: likelihood[row],
                 drift: [drift1[row], drift2[row]],
                 drift_variance: drift_variance[row],
+                unbelieved: unbelieved[row] as usize,
                 mean: mean.of(row).to_vec(),
                 gain: gain.of(row).to_vec(),
                 spread: spread.of(row).to_vec(),

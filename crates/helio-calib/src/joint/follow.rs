@@ -12,7 +12,7 @@ use super::hyper::{Hyper, Marks, Noise, Wander, waited};
 use super::hypotheses::{Account, Mishaps, decide, told_by};
 use super::rows::{ANGLES, Expansion, MILLI, Rows, Structure, filter_unit, parameters, pole};
 use super::terms::{AxisCause, Cause};
-use super::{CommonCause, JointFit, WANDERING, is_free};
+use super::{CommonCause, JointFit, UNFIT, WANDERING, is_free};
 use crate::error::{CalibrationError, in_place};
 use crate::field::Campaign;
 use crate::parameters::Parameters;
@@ -70,6 +70,8 @@ fn pose_error(cause: AxisCause) -> usize {
     }
 }
 
+/// Records in a row that are not believed which are an alarm: eight times in a million by accident.
+const ALARMING: usize = 3;
 /// Records in doubt of a heliostat at most: then its likeliest account is believed.
 const MOST_UNDECIDED: usize = 60;
 /// Records are made linear anew where the heliostat is now thought to be farther from where they were than this
@@ -89,7 +91,9 @@ pub struct Followed<A = Account> {
     pub records: u64,
     /// Those of them that were not believed.
     pub outliers: u64,
-    /// The last jumps that are certain, in time.
+    /// Jumps of a zero point so far that are certain.
+    pub jump_count: u64,
+    /// The last of them, in time.
     pub jumps: Vec<JumpSeen>,
     /// What may have happened, likeliest first; at least one.
     pub accounts: Vec<A>,
@@ -105,6 +109,7 @@ impl<A> Followed<A> {
             last_day: self.last_day,
             records: self.records,
             outliers: self.outliers,
+            jump_count: self.jump_count,
             jumps: self.jumps.clone(),
             accounts,
             undecided: self.undecided.clone(),
@@ -120,8 +125,8 @@ pub enum StepKind {
     Believed,
     /// Taken for an outlier, at least for now.
     Outlier,
-    /// A zero point of the first (0) or second (1) axis is taken to have jumped before it, at least for now.
-    Jump(usize),
+    /// The zero point of the first axis, of the second, or of both is taken to have jumped before it, at least for now.
+    Jump([bool; 2]),
     /// Its beam does not meet the target: it tells nothing.
     Misses,
 }
@@ -133,7 +138,8 @@ impl StepKind {
         match self {
             Self::Believed => "believed",
             Self::Outlier => "outlier",
-            Self::Jump(0) => "jump_axis1",
+            Self::Jump([true, true]) => "jump_axes",
+            Self::Jump([true, false]) => "jump_axis1",
             Self::Jump(_) => "jump_axis2",
             Self::Misses => "misses_target",
         }
@@ -153,7 +159,7 @@ pub struct Step {
     pub references_rad: [f64; 2],
     /// One standard deviation of them \[rad\].
     pub references_sigma_rad: [f64; 2],
-    /// Whether the running mean of misses is an alarm after it.
+    /// Whether the running mean of misses is an alarm after it, or the third record in a row that is not believed.
     pub alarm: bool,
 }
 
@@ -223,14 +229,19 @@ impl JointFit {
             .iter()
             .zip(&self.heliostats)
             .enumerate()
-            .map(|(k, (id, posterior))| Followed {
-                id: id.clone(),
-                last_day: posterior.last_day,
-                records: posterior.records as u64,
-                outliers: posterior.outliers.len() as u64,
-                jumps: last_jumps(posterior.jumps.iter().map(|(_, jump)| *jump).collect()),
-                accounts: vec![Account::new(self.belief(k))],
-                undecided: Vec::new(),
+            .map(|(k, (id, posterior))| {
+                let mut account = Account::new(self.belief(k));
+                account.drift.unbelieved = posterior.unbelieved_last;
+                Followed {
+                    id: id.clone(),
+                    last_day: posterior.last_day,
+                    records: posterior.records as u64,
+                    outliers: posterior.outliers.len() as u64,
+                    jump_count: posterior.jumps.len() as u64,
+                    jumps: last_jumps(posterior.jumps.iter().map(|(_, jump)| *jump).collect()),
+                    accounts: vec![account],
+                    undecided: Vec::new(),
+                }
             })
             .collect();
         Ok(FieldState {
@@ -278,6 +289,7 @@ impl FieldState {
             last_day: None,
             records: 0,
             outliers: 0,
+            jump_count: 0,
             jumps: Vec::new(),
             accounts: vec![Account::new(belief)],
             undecided: Vec::new(),
@@ -530,6 +542,28 @@ struct Context<'a> {
 }
 
 impl Followed {
+    /// Records at the end that are not believed, one after the other: more than one or two are no accident.
+    #[must_use]
+    pub fn unbelieved_last(&self) -> usize {
+        self.accounts.first().map_or(0, |a| a.drift.unbelieved)
+    }
+
+    /// Records so far that are not believed, those in doubt as the likeliest account has them.
+    #[must_use]
+    pub fn unbelieved(&self) -> u64 {
+        let in_doubt = self.accounts.first().map_or(0, |a| a.marks.outliers.len());
+        self.outliers + in_doubt as u64
+    }
+
+    /// Whether so many of its records do not fit the others, or only after a jump, that it says nothing of what is common
+    /// and should not be believed.
+    #[must_use]
+    pub fn unfit(&self) -> bool {
+        let in_doubt = self.accounts.first().map_or(0, |a| a.marks.jumps.len());
+        let odd = self.unbelieved() + self.jump_count + in_doubt as u64;
+        odd * UNFIT as u64 > self.records
+    }
+
     /// Takes in records; what they tell of what is common once no doubt is left.
     fn take_in(
         &mut self,
@@ -586,9 +620,9 @@ impl Followed {
                 kind = if marks.outliers.last() == Some(&number) {
                     StepKind::Outlier
                 } else {
-                    match marks.jumps.last() {
-                        Some(&(at, axis)) if at == number => StepKind::Jump(axis),
-                        _ => StepKind::Believed,
+                    match [0, 1].map(|axis| marks.jumps.contains(&(number, axis))) {
+                        [false, false] => StepKind::Believed,
+                        axes => StepKind::Jump(axes),
                     }
                 };
                 decide(&mut self.accounts, number);
@@ -609,7 +643,8 @@ impl Followed {
                 kind,
                 references_rad,
                 references_sigma_rad,
-                alarm: self.accounts[0].drift.square() > context.alarm.threshold(),
+                alarm: self.accounts[0].drift.square() > context.alarm.threshold()
+                    || self.unbelieved_last() >= ALARMING,
             });
         }
         (steps, settled)
@@ -646,6 +681,7 @@ impl Followed {
         let marks = core::mem::take(&mut only.marks);
         let Marks { outliers, jumps } = marks;
         self.outliers += outliers.len() as u64;
+        self.jump_count += jumps.len() as u64;
         for (k, axis) in jumps {
             let day = self.undecided[k];
             self.jumps.push(JumpSeen { day, axis });
@@ -653,6 +689,6 @@ impl Followed {
         self.jumps = last_jumps(core::mem::take(&mut self.jumps));
         self.undecided.clear();
         let told = core::mem::replace(&mut only.told, Told::nothing(shape));
-        Some(Sum::new(told, 0.0))
+        (!self.unfit()).then(|| Sum::new(told, 0.0))
     }
 }

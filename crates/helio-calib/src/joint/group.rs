@@ -273,6 +273,17 @@ impl Group {
         }
     }
 
+    /// Takes all records of a heliostat for ones that tell nothing.
+    pub fn silence(&mut self, shape: Shape, lane: usize) {
+        let rest = shape.row() - column::REST;
+        for row in self.rows.chunks_exact_mut(shape.row()) {
+            row[rest + column::SILENT][lane] = 1.0;
+            for axis in 0..2 {
+                row[rest + column::JUMP + axis][lane] = 0.0;
+            }
+        }
+    }
+
     /// Square of what is left of each record where the formula was made linear, in expected variances of one
     /// component: record by record.
     pub fn misses(&self, shape: Shape, prior: &Prior<'_>) -> Vec<Eight> {

@@ -186,7 +186,7 @@ const FIRST_REACH: f64 = 0.1;
 /// Distance over which slopes are taken: the minimum is off by half of it.
 const REACH: f64 = 1e-4;
 /// Times that noise, wander and spread are bettered.
-const ROUNDS: usize = 12;
+const ROUNDS: usize = 24;
 /// Search is over where a round gains less than the larger of these (logarithm of the likelihood): altogether, and for
 /// each heliostat.
 const ENOUGH: f64 = 0.01;

@@ -143,6 +143,8 @@ pub struct Posterior {
     pub outliers: Vec<usize>,
     /// Observations before which the zero point of an axis jumped, in time.
     pub jumps: Vec<(usize, JumpSeen)>,
+    /// Records at the end that are not believed, one after the other.
+    pub unbelieved_last: usize,
     /// How many observations it had.
     pub records: usize,
 }
@@ -267,6 +269,8 @@ pub fn fit_joint(
     fit_at(campaigns, options, SimdLevel::best())
 }
 
+/// A heliostat with more than one in so many of its records in wrong places is not learnt from.
+const UNFIT: usize = 4;
 /// Of the heliostats that noise and wander are learnt from one in so many gives a first guess at them.
 const FIRST_SHARE: usize = 4;
 
@@ -560,6 +564,9 @@ impl<'a> Work<'a> {
                     } else {
                         Marks::default()
                     };
+                    if self.unfit(k, &marks) {
+                        group.silence(self.live.structure.shape(), lane);
+                    }
                     decided.insert(k, marks);
                 }
                 (group, decided)
@@ -578,6 +585,12 @@ impl<'a> Work<'a> {
             about: self.common.mean.clone(),
             causes: self.live.causes.clone(),
         }
+    }
+
+    /// Whether so many records of a heliostat do not fit the others that it says nothing of what is common, nor of
+    /// how records scatter.
+    fn unfit(&self, k: usize, marks: &Marks) -> bool {
+        (marks.outliers.len() + marks.jumps.len()) * UNFIT > self.campaigns[k].observations.len()
     }
 
     fn learn(&mut self, sample: &Sample) {
@@ -686,6 +699,12 @@ impl<'a> Work<'a> {
                     unexpected.push(n * BLOCK + lane);
                 }
             }
+            for (lane, k) in members.iter().enumerate() {
+                let marks = before.get(k).or_else(|| found.get(k));
+                if marks.is_some_and(|marks| self.unfit(*k, marks)) {
+                    of_group.leave_out(lane);
+                }
+            }
             total.add(&of_group);
             all.push(known);
         }
@@ -697,7 +716,13 @@ impl<'a> Work<'a> {
                 group.mark(rows, lane, &found[k], jump_mrad);
             }
             let mut again = Beliefs::default();
-            total.add(&group.filter(self.level, prior, &mut again));
+            let mut of_group = group.filter(self.level, prior, &mut again);
+            for (lane, k) in members.iter().enumerate() {
+                if self.unfit(*k, &found[k]) {
+                    of_group.leave_out(lane);
+                }
+            }
+            total.add(&of_group);
             for (lane, &n) in some.iter().enumerate() {
                 all[n / BLOCK].take(n % BLOCK, &again, lane);
             }
@@ -889,6 +914,8 @@ impl<'a> Work<'a> {
             {
                 let (of, days) = in_time(&self.campaigns[k]);
                 posterior.outliers = marks.outliers.iter().map(|&r| of[r]).collect();
+                let from_the_end = marks.outliers.iter().rev().zip((0..of.len()).rev());
+                posterior.unbelieved_last = from_the_end.take_while(|(r, k)| *r == k).count();
                 let jump = |&(r, axis): &(usize, usize)| (of[r], JumpSeen { day: days[r], axis });
                 posterior.jumps = marks.jumps.iter().map(jump).collect();
             }
@@ -937,6 +964,7 @@ impl<'a> Work<'a> {
                 last_day: last_ns.map(|ns| ns as f64 / DAY_NS),
                 outliers: Vec::new(),
                 jumps: Vec::new(),
+                unbelieved_last: 0,
                 records: observations.len(),
             }
         };

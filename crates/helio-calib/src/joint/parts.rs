@@ -57,6 +57,8 @@ pub struct AccountParts {
     pub drift: [f64; 2],
     /// Variance of either component of that in a heliostat that does what the model says.
     pub drift_variance: f64,
+    /// Records since the last that was believed.
+    pub unbelieved: usize,
     /// Unknowns at rest, then wandering zero points, where all common unknowns are zero.
     pub mean: Vec<f64>,
     /// Their derivatives by the common unknowns, row by row.
@@ -313,6 +315,7 @@ impl AccountParts {
             log_likelihood: account.log_likelihood,
             drift: account.drift.mean,
             drift_variance: account.drift.variance,
+            unbelieved: account.drift.unbelieved,
             mean: belief.mean.clone(),
             gain: belief.gain_by_rows(),
             spread: belief.triangle(),
@@ -346,6 +349,7 @@ impl AccountParts {
         account.drift = Drift {
             mean: self.drift,
             variance: self.drift_variance,
+            unbelieved: self.unbelieved,
         };
         if !(self.matrix.is_empty() && self.vector.is_empty()) {
             check("matrix", &self.matrix, Shape::triangle(common))?;

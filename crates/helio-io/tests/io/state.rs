@@ -57,6 +57,7 @@ fn account(seed: u64, doubted: bool) -> AccountParts {
         log_likelihood: -0.1 * seed as f64,
         drift: [0.1 * seed as f64, -0.2],
         drift_variance: 0.3,
+        unbelieved: 2,
         mean: odd(seed, 11),
         gain: odd(seed + 1, 154),
         spread: odd(seed + 2, 66),
@@ -91,6 +92,7 @@ fn state(loaded: &LoadedField) -> StateFile {
             last_day: (k != 1).then_some(20_454.123_456_789 + k as f64),
             records: 12 + k as u64,
             outliers: k as u64,
+            jump_count: 2 + k as u64,
             jumps: vec![
                 JumpSeen {
                     day: 1.0 / 3.0,

@@ -140,11 +140,10 @@ impl Run<'_> {
             for (record, one) in history.iter().enumerate() {
                 let observed = &of.observations[one.observation];
                 let unix_ns = observed.unix_ns;
-                let jumped = one.jumped.iter().position(|jumped| *jumped);
                 let kind = if one.outlier {
                     StepKind::Outlier
-                } else if let Some(axis) = jumped {
-                    StepKind::Jump(axis)
+                } else if one.jumped != [false; 2] {
+                    StepKind::Jump(one.jumped)
                 } else if one.foretold.beam_mrad().is_finite() {
                     // the first are foretold of a heliostat that nobody knows yet
                     if record >= history.len() / 2 {
@@ -154,7 +153,7 @@ impl Run<'_> {
                 } else {
                     StepKind::Misses
                 };
-                if let Some(axis) = jumped {
+                for axis in (0..2).filter(|&axis| one.jumped[axis]) {
                     let jump = JumpFound {
                         index,
                         unix_ns,

@@ -19,6 +19,10 @@ use crate::plan::{SunClock, toward};
 const HOURS: i64 = 24;
 /// Camera's scatter on the target of a spot that no camera sees \[m\].
 const NO_CAMERA_M: f64 = 1e-9;
+/// From so many records on a heliostat is not explained where many of them are not believed.
+const FEW: u64 = 8;
+/// Nor where so many of the last are not, one after the other.
+const UNEXPLAINED_RUN: usize = 4;
 /// Of the suns of a year so many-th are looked at: at other hours on each of its days.
 const YEAR_STEP: usize = 41;
 
@@ -196,6 +200,19 @@ impl Run<'_> {
             .filter(|square| square.is_finite())
             .collect();
         let [beam_rms_mrad, rms_mrad, expected_mrad] = seen.rms_mrad();
+        let (unbelieved, in_a_row) = (followed.unbelieved(), followed.unbelieved_last());
+        let doubtful = followed.records >= FEW && followed.unfit();
+        let unexplained = doubtful || in_a_row >= UNEXPLAINED_RUN;
+        let refused = if unexplained {
+            let why = format!(
+                "{unbelieved} of its {} records do not fit the others, the last {in_a_row} of them one after the other, \
+                 and its zero points jumped {} times",
+                followed.records, followed.jump_count
+            );
+            Some(("unexplained", why))
+        } else {
+            refused.map(|why| ("undetermined", why))
+        };
         let good = refused.is_none();
         Ok(CalibratedSet {
             errors: good.then(|| errors_as_written(&parameters.errors())),
@@ -221,7 +238,7 @@ impl Run<'_> {
             }),
             ..match &refused {
                 None => CalibratedSet::without_result(id, OK, ""),
-                Some(why) => CalibratedSet::without_result(id, "undetermined", why),
+                Some((status, why)) => CalibratedSet::without_result(id, status, why),
             }
         })
     }

@@ -113,7 +113,10 @@ impl Run<'_> {
                         step.references_rad[axis] - before.rest_rad[axis]
                     }),
                     zero_sigma_rad: step.references_sigma_rad,
-                    jumped: [0, 1].map(|axis| step.kind == StepKind::Jump(axis)),
+                    jumped: match step.kind {
+                        StepKind::Jump(axes) => axes,
+                        _ => [false; 2],
+                    },
                     alarm: Some(step.alarm),
                 });
             }
