@@ -296,7 +296,8 @@ fn fit_at(
         work.learn(&sample);
         if pass == 0 {
             work.meet(&sample);
-        } else {
+        }
+        if pass > 0 || expansions == 1 {
             work.admit_own(&sample);
         }
         pass += 1;

@@ -230,7 +230,7 @@ impl Run<'_> {
             observed_ns: seen.times,
             joint: Some(JointColumns {
                 pose_sigmas_rad: known.pose_sigmas_rad,
-                jumps: followed.jumps.len(),
+                jumps: followed.jump_count as usize,
                 zero_rad: last.zero_rad,
                 zero_sigma_rad: last.zero_sigma_rad,
                 foretold_mrad: root_mean(squares.iter().sum(), squares.len()),
