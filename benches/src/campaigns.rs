@@ -16,11 +16,13 @@ const TOGETHER: usize = 32;
 /// Numbers of an observation in the peers' file.
 pub const PEER_COLUMNS: usize = 17;
 
-/// splitmix64.
-struct Random(u64);
+/// splitmix64, from its seed.
+#[derive(Debug)]
+pub struct Random(pub u64);
 
 impl Random {
-    fn unit(&mut self) -> f64 {
+    /// Uniform from 0 to 1.
+    pub fn unit(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -33,7 +35,7 @@ impl Random {
     }
 
     /// Of standard deviation one, near enough to normal.
-    fn normal(&mut self) -> f64 {
+    pub fn normal(&mut self) -> f64 {
         (0..12).map(|_| self.unit()).sum::<f64>() - 6.0
     }
 }

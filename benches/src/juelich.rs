@@ -103,10 +103,27 @@ pub struct Campaigns {
 
 const DAY_NS: i64 = 86_400_000_000_000;
 /// What 95 % of chi-squared with two degrees of freedom lie below.
-const INSIDE95: f64 = 5.991_464_547_107_98;
+pub const INSIDE95: f64 = 5.991_464_547_107_98;
 
-fn day(observation: &Observation) -> i64 {
+/// The day of a record, since 1970.
+#[must_use]
+pub fn day(observation: &Observation) -> i64 {
     observation.unix_ns.unwrap_or_default().div_euclid(DAY_NS)
+}
+
+/// Records of some heliostats that are known at some time.
+pub type Known<'a> = Vec<(&'a Records, Vec<Observation>)>;
+
+/// As the library takes them.
+#[must_use]
+pub fn campaigns<'a>(known: &'a Known<'_>) -> Vec<Campaign<'a>> {
+    known
+        .iter()
+        .map(|(records, observations)| Campaign {
+            mount: records.mount,
+            observations,
+        })
+        .collect()
 }
 
 impl Campaigns {
@@ -147,6 +164,26 @@ impl Campaigns {
         &self.all
     }
 
+    /// Of all others the records before a day, then of a heliostat those that are given.
+    #[must_use]
+    pub fn known_before<'a>(
+        &'a self,
+        end: i64,
+        own: &'a Records,
+        mine: Vec<Observation>,
+    ) -> Known<'a> {
+        let mut known = Known::new();
+        for records in self.all.iter().filter(|r| r.name != own.name) {
+            let before = records.observations.iter().filter(|o| day(o) < end);
+            let before: Vec<Observation> = before.copied().collect();
+            if !before.is_empty() {
+                known.push((records, before));
+            }
+        }
+        known.push((own, mine));
+        known
+    }
+
     /// Foretells the later half of a heliostat's records.
     ///
     /// # Panics
@@ -185,27 +222,9 @@ impl Campaigns {
                 Others::BeforeThatDay => today,
                 Others::BeforeOwnLast => today.min(last_own + 1),
             };
-            let mut known: Vec<(&Records, Vec<Observation>)> = Vec::new();
-            for records in self.all.iter().filter(|r| r.name != name) {
-                let before = records.observations.iter().filter(|o| day(o) < end);
-                let before: Vec<Observation> = before.copied().collect();
-                if !before.is_empty() {
-                    known.push((records, before));
-                }
-            }
-            known.push((own, mine));
-            known
+            self.known_before(end, own, mine)
         };
-        let fit_of = |known: &[(&Records, Vec<Observation>)]| {
-            let campaigns: Vec<Campaign<'_>> = known
-                .iter()
-                .map(|(records, observations)| Campaign {
-                    mount: records.mount,
-                    observations,
-                })
-                .collect();
-            fit_joint(&campaigns, options).expect("a fit")
-        };
+        let fit_of = |known: &Known<'_>| fit_joint(&campaigns(known), options).expect("a fit");
         let on = |today: i64| -> Vec<Observation> {
             later.iter().filter(|o| day(o) == today).copied().collect()
         };
@@ -232,7 +251,7 @@ impl Campaigns {
                             mount: own.mount,
                             observations: &on(today),
                         };
-                        (fit.foretell(known.len() - 1, &seen), fit)
+                        (fit.foretell(known.len() - 1, &seen).expect("foretold"), fit)
                     })
                     .collect();
                 let foretold = by_day.iter_mut().flat_map(|(f, _)| core::mem::take(f));
@@ -258,7 +277,7 @@ impl Campaigns {
     fn followed(
         &self,
         own: &Records,
-        known: &[(&Records, Vec<Observation>)],
+        known: &Known<'_>,
         fit: &JointFit,
         start: i64,
         protocol: Protocol,
@@ -305,7 +324,8 @@ impl Campaigns {
                 .collect();
             let mine = new.iter().position(|(_, r, _)| r.name == own.name);
             if let (Some(mine), Protocol::FollowedByDay) = (mine, protocol) {
-                foretold.extend(state.foretell(campaigns[mine].0, &campaigns[mine].1));
+                let told = state.foretell(campaigns[mine].0, &campaigns[mine].1);
+                foretold.extend(told.expect("foretold"));
             }
             let steps = state.update(&campaigns).expect("an update");
             if let (Some(mine), Protocol::FollowedByRecord) = (mine, protocol) {

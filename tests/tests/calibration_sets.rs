@@ -216,7 +216,7 @@ fn no_axis_jumps_where_one_set_passes_into_the_next() {
                 let unix_ns = (noon_s + STEP_S * k) * 1_000_000_000;
                 let sun = position(&site, unix_ns, None, 0.0).unwrap().direction();
                 let hour = juelich::hour_angle_rad(sun);
-                let here = tracker.heliostat_at(0, Some(unix_ns), hour);
+                let here = tracker.heliostat_at(0, Some(unix_ns), hour).unwrap();
                 // The schedule's own blend is what tracking makes of the table.
                 let blended = schedule.at(hour).values;
                 let read = Parameters::new(&here.errors, here.mirror_offset_m).values;
@@ -225,7 +225,7 @@ fn no_axis_jumps_where_one_set_passes_into_the_next() {
                 }
                 let now = angles(here, sun);
                 let ends = [-1.0, 1.0]
-                    .map(|hour| angles(tracker.heliostat_at(0, Some(unix_ns), hour), sun));
+                    .map(|hour| angles(tracker.heliostat_at(0, Some(unix_ns), hour).unwrap(), sun));
                 if let Some((before, ends_before, hour_before)) = last {
                     let share = (hour - hour_before) / BLEND_RAD;
                     for axis in [0, 1] {

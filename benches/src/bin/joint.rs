@@ -13,7 +13,8 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use helio_bench::Options;
-use helio_calib::joint::{JointFit, JointOptions, fit_joint};
+use helio_bench::campaigns::Random;
+use helio_calib::joint::{DAY_NS, JointFit, JointOptions, fit_joint};
 use helio_calib::model::{Pose, landing};
 use helio_calib::{Campaign, FieldFitOptions, Mount, Observation, Parameters, Sighting, fit_field};
 use helio_core::{
@@ -23,25 +24,6 @@ use helio_core::{
 /// Heliostats that are seen under the same suns.
 const TOGETHER: usize = 32;
 const LATITUDE_RAD: f64 = 0.65;
-const DAY_NS: f64 = 86_400e9;
-
-/// splitmix64.
-struct Random(u64);
-
-impl Random {
-    fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    /// Of standard deviation one, near enough to normal.
-    fn normal(&mut self) -> f64 {
-        (0..12).map(|_| self.unit()).sum::<f64>() - 6.0
-    }
-}
 
 /// Mounts, and as many observations of each.
 fn simulate(

@@ -7,7 +7,7 @@
 #![allow(clippy::print_stdout, reason = "a table is what it is for")]
 
 use helio_bench::juelich::{Campaigns, FEW, Others, PARTS, PROTOCOLS};
-use helio_calib::joint::{JointOptions, Mishaps, Part};
+use helio_calib::joint::{JointOptions, Mishaps, Part, Scope, SpotCause};
 use helio_tests::juelich::{LATITUDE_RAD, Spots};
 
 /// The whole model, then without each of its parts.
@@ -19,16 +19,16 @@ fn variants() -> Vec<(String, JointOptions)> {
         options.axis_causes.retain(|c| *c != cause);
         out.push((cause.description().in_words.to_owned(), options));
     }
+    let shift = |cause: SpotCause| cause.description().scope == Scope::Target;
     let mut options = whole.clone();
-    options.target_shifts = false;
+    options.spot_causes.retain(|c| !shift(*c));
     out.push(("shifts of targets".to_owned(), options));
     let mut options = whole.clone();
-    options.sun_time = false;
+    options.spot_causes.retain(|c| *c != SpotCause::SunTime);
     out.push(("time of the sun".to_owned(), options));
     let mut options = whole.clone();
     options.axis_causes.clear();
-    options.target_shifts = false;
-    options.sun_time = false;
+    options.spot_causes.clear();
     out.push(("all causes in common".to_owned(), options));
     for &part in Part::ALL {
         let mut options = whole.clone();

@@ -11,20 +11,12 @@
 
 use std::time::Instant;
 
-use helio_bench::juelich::Campaigns;
+use helio_bench::juelich::{Campaigns, INSIDE95, campaigns, day};
 use helio_calib::joint::simulate::{FieldOptions, simulate_field};
 use helio_calib::joint::{Foretold, JointOptions, LeftoverOptions, fit_joint};
 use helio_calib::{Campaign, Observation};
 use helio_tests::juelich::{LATITUDE_RAD, Records, Spots};
 use rayon::prelude::*;
-
-const DAY_NS: i64 = 86_400_000_000_000;
-/// What 95 % of chi-squared with two degrees of freedom lie below.
-const INSIDE95: f64 = 5.991_464_547_107_98;
-
-fn day(observation: &Observation) -> i64 {
-    observation.unix_ns.unwrap_or_default().div_euclid(DAY_NS)
-}
 
 /// A foretold day: without, as admitted, always.
 struct Day {
@@ -34,26 +26,12 @@ struct Day {
     length_rad: f64,
 }
 
-fn foretell(all: &[Records], own: &Records, ahead: bool, today: i64, poses: usize) -> Day {
+fn foretell(all: &Campaigns, own: &Records, ahead: bool, today: i64, poses: usize) -> Day {
     let half = own.observations.len() / 2;
-    let mut known: Vec<(&Records, Vec<Observation>)> = Vec::new();
-    for records in all.iter().filter(|r| r.name != own.name) {
-        let before = records.observations.iter().filter(|o| day(o) < today);
-        let before: Vec<Observation> = before.copied().collect();
-        if !before.is_empty() {
-            known.push((records, before));
-        }
-    }
     let mine = own.observations.iter().enumerate();
     let mine = mine.filter(|(k, o)| if ahead { day(o) < today } else { *k < half });
-    known.push((own, mine.map(|(_, o)| *o).collect()));
-    let campaigns: Vec<Campaign<'_>> = known
-        .iter()
-        .map(|(records, observations)| Campaign {
-            mount: records.mount,
-            observations,
-        })
-        .collect();
+    let known = all.known_before(today, own, mine.map(|(_, o)| *o).collect());
+    let campaigns = campaigns(&known);
     let fit = fit_joint(&campaigns, &JointOptions::new(LATITUDE_RAD)).expect("a fit");
     let options = LeftoverOptions {
         least_log_evidence: f64::NEG_INFINITY,
@@ -69,8 +47,10 @@ fn foretell(all: &[Records], own: &Records, ahead: bool, today: i64, poses: usiz
         observations: &seen,
     };
     let k = campaigns.len() - 1;
-    let without = fit.foretell(k, &seen);
-    let always = leftovers.foretell(&fit, k, &campaigns[k], &seen);
+    let without = fit.foretell(k, &seen).expect("foretold");
+    let always = leftovers
+        .foretell(&fit, k, &campaigns[k], &seen)
+        .expect("foretold");
     let admitted = leftovers.log_evidence >= LeftoverOptions::default().least_log_evidence;
     Day {
         foretold: [
@@ -134,8 +114,7 @@ fn main() {
         }
     }
     let data = std::env::var_os("HELIO_DATA").expect("HELIO_DATA names the folder of the records");
-    let campaigns = Campaigns::read(data.as_ref(), spots);
-    let all = campaigns.records();
+    let all = Campaigns::read(data.as_ref(), spots);
     println!(
         "| beam rms, mrad | heliostat | without | as admitted | always | inside 95 %: without | as admitted | always \
          | days admitted | nats of the last day | amplitudes, mrad | length, rad |"
@@ -149,6 +128,7 @@ fn main() {
         let mut sums = [0.0; 3];
         let mut count = 0.0;
         for own in all
+            .records()
             .iter()
             .filter(|r| names.is_empty() || names.contains(&r.name))
         {
@@ -157,7 +137,7 @@ fn main() {
             days.dedup();
             let done: Vec<Day> = days
                 .par_iter()
-                .map(|&today| foretell(all, own, ahead, today, poses))
+                .map(|&today| foretell(&all, own, ahead, today, poses))
                 .collect();
             let of = |way: usize| done.iter().flat_map(move |d| &d.foretold[way]);
             let n = of(0).count() as f64;

@@ -60,7 +60,28 @@ pub enum CalibrationError {
         /// Its standard deviation.
         sigma: f64,
     },
+    /// No heliostat stands in a place.
+    #[error("{what} must be below {count}, the number of heliostats, got {place}")]
+    NoSuchHeliostat {
+        /// The argument.
+        what: &'static str,
+        /// How many heliostats there are.
+        count: usize,
+        /// What was given, counted from 0.
+        place: usize,
+    },
     /// Nothing is free.
     #[error("every parameter is held: there is nothing to fit")]
     NothingFree,
+}
+
+/// What stands in a heliostat's place; `what` names the argument that says which.
+pub(crate) fn in_place<'a, T>(
+    all: &'a [T],
+    what: &'static str,
+    place: usize,
+) -> Result<&'a T, CalibrationError> {
+    let count = all.len();
+    all.get(place)
+        .ok_or(CalibrationError::NoSuchHeliostat { what, count, place })
 }

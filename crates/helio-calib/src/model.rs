@@ -40,7 +40,7 @@ impl Real for f64 {
 }
 
 #[inline(always)]
-fn dot<T: Real>(a: [T; 3], b: [T; 3]) -> T {
+pub(crate) fn dot<T: Real>(a: [T; 3], b: [T; 3]) -> T {
     a[2].mul_add(b[2], a[1].mul_add(b[1], a[0] * b[0]))
 }
 

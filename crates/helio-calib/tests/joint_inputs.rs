@@ -4,9 +4,10 @@
 
 use helio_calib::joint::simulate::{FieldOptions, SimulatedField, simulate_field};
 use helio_calib::joint::{
-    Cause, FieldState, JointFit, JointOptions, JumpSeen, Mishaps, StateParts, StepKind, fit_joint,
+    Cause, FieldState, JointFit, JointOptions, JumpSeen, LeftoverOptions, Mishaps, Noise,
+    SpotCause, StateParts, StepKind, Wander, fit_joint,
 };
-use helio_calib::{CalibrationError, Campaign, Observation};
+use helio_calib::{CalibrationError, Campaign, Duty, Observation};
 use helio_core::{Enu, EnuUnit};
 
 const RECORDS: usize = 14;
@@ -56,6 +57,44 @@ fn apart(one: &JointFit, other: &JointFit) -> f64 {
     most
 }
 
+/// Records without scatter: noise and wander are to be found at nothing, which is farther than the rounds of one search
+/// go. Of the same field with scatter the search ends.
+#[test]
+fn a_search_that_ended_early_says_so() {
+    let ended = |size: f64| {
+        let options = FieldOptions::new(1).unwrap();
+        let (noise, wander) = (options.noise, options.wander);
+        let options = FieldOptions {
+            heliostats: 12,
+            records: 20,
+            noise: Noise {
+                beam_mrad: size * noise.beam_mrad,
+                spot_m: size * noise.spot_m,
+                sun_path_s: size * noise.sun_path_s,
+            },
+            wander: Wander {
+                slow_mrad: wander.slow_mrad.map(|x| size * x),
+                fast_mrad: wander.fast_mrad.map(|x| size * x),
+                ..wander
+            },
+            ..options
+        };
+        let field = simulate_field(&options).unwrap();
+        let how = JointOptions {
+            expansions: 1,
+            ..JointOptions::new(options.site.latitude_rad())
+        };
+        let fit = fit_joint(&field.first(20), &how).unwrap();
+        for posterior in &fit.heliostats {
+            let numbers = posterior.still.iter().chain(&posterior.covariance);
+            assert!(numbers.clone().all(|x| x.is_finite()), "{size}");
+        }
+        fit.converged
+    };
+    assert!(ended(1.0));
+    assert!(!ended(1e-9));
+}
+
 #[test]
 fn records_that_cannot_be_used_tell_nothing() {
     let (field, how) = field();
@@ -75,7 +114,7 @@ fn records_that_cannot_be_used_tell_nothing() {
         let heliostat = &fit.heliostats[3];
         assert_eq!(heliostat.records, RECORDS + 1, "{what}");
         assert!(!heliostat.outliers.contains(&(n + 1)), "{what}");
-        let history = fit.history(3, &campaigns[3]);
+        let history = fit.history(3, &campaigns[3]).unwrap();
         assert_eq!(history[n + 1].observation, n + 1, "{what}");
         assert!(history[n + 1].foretold.beam_mrad().is_nan(), "{what}");
         assert_eq!(
@@ -129,11 +168,16 @@ fn only_targets_that_were_seen_have_causes() {
         .causes
         .iter()
         .map(|c| c.cause)
-        .filter(|c| matches!(c, Cause::TargetRight(_) | Cause::TargetDown(_)))
+        .filter(|c| matches!(c, Cause::Target(..)))
         .collect();
     let wanted: Vec<Cause> = [2, 400, usize::MAX]
         .into_iter()
-        .flat_map(|t| [Cause::TargetRight(t), Cause::TargetDown(t)])
+        .flat_map(|t| {
+            [
+                Cause::Target(SpotCause::TargetRight, t),
+                Cause::Target(SpotCause::TargetDown, t),
+            ]
+        })
         .collect();
     assert_eq!(shifts, wanted);
 }
@@ -352,4 +396,58 @@ fn a_fit_says_whether_its_search_ended() {
     assert!(fit.converged);
     // the site's latitude is all that is known: nothing to search, and nothing found
     assert!(fit_joint(&[], &how).unwrap().converged);
+}
+
+#[test]
+fn places_beyond_the_end_are_refused() {
+    let (field, how) = field();
+    let campaigns = field.first(RECORDS);
+    let fit = fit_joint(&campaigns, &how).unwrap();
+    let leftovers = fit
+        .leftovers(&campaigns, &LeftoverOptions::default())
+        .unwrap();
+    let ids: Vec<String> = (0..12).map(|k| k.to_string()).collect();
+    let mut state = fit.follow(&ids).unwrap();
+    let (campaign, mount) = (&campaigns[0], &campaigns[0].mount);
+    let duty = Duty {
+        suns: &[],
+        aim: Enu::default(),
+    };
+    for place in [12, usize::MAX] {
+        let refused = [
+            ("k", fit.foretell(place, campaign).map(|_| ())),
+            ("k", fit.history(place, campaign).map(|_| ())),
+            ("k", fit.parameters(place, 0.2).map(|_| ())),
+            ("k", fit.zero_points(place, campaign).map(|_| ())),
+            (
+                "k",
+                leftovers
+                    .foretell(&fit, place, campaign, campaign)
+                    .map(|_| ()),
+            ),
+            ("place", state.update(&[(place, *campaign)]).map(|_| ())),
+            ("place", state.foretell(place, campaign).map(|_| ())),
+            ("place", state.known(place, 0.0).map(|_| ())),
+            ("place", state.at_rest(place).map(|_| ())),
+            (
+                "place",
+                state.pointing_mrad(place, mount, 0.0, &duty).map(|_| ()),
+            ),
+            (
+                "place",
+                state.plan(place, mount, &[], &duty, 1, 0.0).map(|_| ()),
+            ),
+        ];
+        for (n, (what, refused)) in refused.into_iter().enumerate() {
+            let wanted = format!("{what} must be below 12, the number of heliostats, got {place}");
+            assert_eq!(refused.unwrap_err().to_string(), wanted, "{n}");
+        }
+    }
+    // nor does one stand twice, nor know leftovers heliostats that the fit does not
+    let (what, value) = refused(state.update(&[(3, *campaign), (3, *campaign)]));
+    assert_eq!((what, value), ("place", 3.0));
+    let smaller = fit_joint(&campaigns[..5], &how).unwrap();
+    let error = leftovers.foretell(&smaller, 5, campaign, campaign);
+    let wanted = "k must be below 5, the number of heliostats, got 5";
+    assert_eq!(error.unwrap_err().to_string(), wanted);
 }

@@ -139,8 +139,8 @@ impl Scores {
         for (k, heliostat) in planted.field.heliostats.iter().enumerate() {
             let (past, next) = (heliostat.first(records), heliostat.after(records));
             let ways = [
-                fit.foretell(k, &next),
-                leftovers.foretell(fit, k, &past, &next),
+                fit.foretell(k, &next).unwrap(),
+                leftovers.foretell(fit, k, &past, &next).unwrap(),
             ];
             for (way, foretold) in ways.iter().enumerate() {
                 for one in foretold {
@@ -148,7 +148,7 @@ impl Scores {
                     self.squares[way].push(one.square());
                 }
             }
-            let known = state.known(k, planted.next_day());
+            let known = state.known(k, planted.next_day()).unwrap();
             let mut mount = heliostat.mount;
             mount.pose_errors = pose_errors(&state, &known);
             let known = known.parameters(mount.mirror_offset_m);
@@ -269,7 +269,7 @@ fn corrections_are_bounded_and_fade_where_nothing_was_seen() {
             }
         }
         let mount = &planted.field.heliostats[k].mount;
-        let known = state.known(k, planted.next_day()).parameters(0.18);
+        let known = state.known(k, planted.next_day()).unwrap().parameters(0.18);
         for o in planted.field.heliostats[k].first(50).observations {
             let away = [o.axis1_rad + PI, o.axis2_rad];
             let turn = heliostat.turn_rad(away[0], away[1]);
@@ -318,6 +318,58 @@ fn plain_numbers_hold_all_and_wrong_ones_are_refused() {
         ..options
     };
     assert!(of(&options, &campaigns).contains("number of lengths_rad must be at least 1"));
+    let day = LeftoverOptions {
+        day: Some(f64::NAN),
+        ..LeftoverOptions::default()
+    };
+    assert!(of(&day, &campaigns).contains("day must be finite"));
+    let evidence = LeftoverOptions {
+        least_log_evidence: f64::NAN,
+        ..LeftoverOptions::default()
+    };
+    assert!(of(&evidence, &campaigns).contains("least_log_evidence must be a number"));
+}
+
+/// Where an angle is not finite nothing is known: no correction, and that is said. A record with such an angle is
+/// foretold by nothing.
+#[test]
+fn what_is_no_pose_is_not_corrected() {
+    let planted = Planted::new(base(3), [3.0, 3.0], 0.3);
+    let (fit, leftovers) = planted.fit(5.0);
+    assert!(leftovers.admitted);
+    let heliostat = &leftovers.heliostats[0];
+    let names: Vec<String> = (0..40).map(|k| k.to_string()).collect();
+    let state = fit.follow(&names).unwrap();
+    let mount = &planted.field.heliostats[0].mount;
+    let known = state.known(0, planted.next_day()).unwrap().parameters(0.18);
+    for pose in [
+        [f64::NAN, 0.5],
+        [3.0, f64::INFINITY],
+        [f64::NEG_INFINITY, f64::NAN],
+    ] {
+        assert_eq!(heliostat.turn_rad(pose[0], pose[1]), [0.0; 2]);
+        let sigma = heliostat.sigma_rad(mount, &known, pose[0], pose[1]);
+        assert_eq!(sigma, [f64::INFINITY; 2]);
+    }
+    let mut wrong = known;
+    wrong.values[2] = f64::NAN;
+    assert_eq!(
+        heliostat.sigma_rad(mount, &wrong, 3.0, 0.5),
+        [f64::INFINITY; 2]
+    );
+
+    let past = planted.field.heliostats[0].first(50);
+    let mut seen = past.observations[..3].to_vec();
+    seen[1].axis2_rad = f64::NAN;
+    let seen = Campaign {
+        observations: &seen,
+        ..past
+    };
+    let foretold = leftovers.foretell(&fit, 0, &past, &seen).unwrap();
+    assert!(foretold[1].beam_mrad().is_nan() && foretold[1].expected_mrad().is_nan());
+    for k in [0, 2] {
+        assert!(foretold[k].expected_mrad() < 5.0, "{:?}", foretold[k]);
+    }
 }
 
 /// Of a field of which some have no records, and of none.

@@ -13,6 +13,7 @@ use helio_report::calibration::{
 
 use crate::calibration::{Done, DoneSet};
 use crate::commands::calibrate::OK;
+use crate::failure::Failure;
 
 /// What a page is made of.
 pub(crate) struct Source<'a> {
@@ -64,7 +65,7 @@ pub(crate) fn facts(
 }
 
 impl Source<'_> {
-    pub(crate) fn page(&self) -> CalibrationPage {
+    pub(crate) fn page(&self) -> Result<CalibrationPage, Failure> {
         let field = &self.loaded.field;
         let mut lines: Vec<HeliostatSummary> = field
             .ids()
@@ -99,14 +100,14 @@ impl Source<'_> {
                 .find(|set| set.status != OK)
                 .map_or(String::new(), |set| set.status.clone());
         }
-        let sections = most_in_need(&lines, SECTIONS, &[])
+        let sections: Result<_, Failure> = most_in_need(&lines, SECTIONS, &[])
             .into_iter()
             .filter_map(|row| Some(self.section(&self.done[of_row[row]?])))
             .collect();
         let centres = self.loaded.targets.values().map(|target| target.centre);
         let n = self.loaded.targets.len() as f64;
         let tower = centres.fold([0.0; 2], |sum, c| [sum[0] + c.east, sum[1] + c.north]);
-        CalibrationPage {
+        Ok(CalibrationPage {
             title: format!("Calibration of {}", site_name(self.loaded)),
             generated_utc: made_at(),
             version: format!("helio-rs {}", self.provenance.version),
@@ -126,11 +127,11 @@ impl Source<'_> {
                     })
                 })
                 .collect(),
-            heliostats: sections,
-        }
+            heliostats: sections?,
+        })
     }
 
-    fn section(&self, one: &Done) -> HeliostatSection {
+    fn section(&self, one: &Done) -> Result<HeliostatSection, Failure> {
         let of = &self.observations.heliostats[one.index];
         let heliostat = &self.loaded.field.heliostats()[of.row];
         let mount = Mount::of(self.loaded.field.mode(), heliostat);
@@ -178,14 +179,14 @@ impl Source<'_> {
             // NaN where there is none.
             (kept.iter().sum::<f64>() / kept.len() as f64).sqrt()
         };
-        let records = (0..count)
+        let records: Result<_, Failure> = (0..count)
             .map(|row| {
                 let observation = &of.observations[row];
                 let record = of.records[row];
-                let place = self.observations.position(record);
+                let place = self.observations.position(record)?;
                 let name = self.observations.record_id(record);
                 let (target, _) = &self.observations.targets[observation.target];
-                Record {
+                Ok(Record {
                     label: name.map_or(place.clone(), |name| format!("{name} ({place})")),
                     target: target.clone(),
                     unix_ns: observation.unix_ns,
@@ -199,7 +200,7 @@ impl Source<'_> {
                     after_mrad: after_mrad[row],
                     epoch: epoch_of[row],
                     rejected: why[row].clone(),
-                }
+                })
             })
             .collect();
         let mut words = one.findings.clone();
@@ -208,14 +209,14 @@ impl Source<'_> {
                 words.push(format!("{}{}: {}", set.status, set.of(), set.why));
             }
         }
-        HeliostatSection {
+        Ok(HeliostatSection {
             id: self.loaded.field.ids()[of.row].clone(),
             verdict: worst(&one.sets),
             words,
             before_rms_mrad: rms(&before_mrad),
             after_rms_mrad: rms(&after_mrad),
             facts: Vec::new(),
-            records,
+            records: records?,
             epochs: one
                 .sets
                 .iter()
@@ -243,7 +244,7 @@ impl Source<'_> {
                     },
                 })
                 .collect(),
-        }
+        })
     }
 }
 

@@ -4,6 +4,7 @@ use helio_calib::aiming::encoder_angles_rad;
 use helio_calib::model::{Pose, normal};
 use helio_calib::{Mount, Observation, Parameter, Parameters, Sighting, pointing_sigma_mrad};
 use helio_core::angle::wrap_pi;
+use helio_core::error::FieldError;
 use helio_core::{EnuUnit, Heliostat, PoseErrors, TargetPlane};
 use helio_io::{CalibratedSet, CalibrationSchedule};
 
@@ -51,17 +52,18 @@ impl Change {
         mount: &Mount,
         suns: &[(EnuUnit, f64)],
         blend_rad: f64,
-    ) -> Option<Self> {
+    ) -> Result<Option<Self>, FieldError> {
         let known = |sets: &[&CalibratedSet]| sets.iter().any(|set| set.errors.is_some());
         if !(known(old) && known(new)) {
-            return None;
+            return Ok(None);
         }
         let sets = [old.to_vec(), new.to_vec()];
         let schedule = CalibrationSchedule::of_sets(vec![*heliostat; 2], &sets, blend_rad);
         let mut squares = Vec::with_capacity(suns.len());
         let mut pairs: Vec<[&str; 2]> = Vec::new();
         for &(sun, hour_rad) in suns {
-            let told = [0, 1].map(|row| schedule.heliostat_at(row, None, hour_rad));
+            let of = |row| schedule.heliostat_at(row, None, hour_rad);
+            let told = [of(0)?, of(1)?];
             let [before, after] =
                 told.map(|told| Parameters::new(&told.errors, told.mirror_offset_m));
             let mount = Mount {
@@ -80,8 +82,8 @@ impl Change {
             if let Some(mrad) = pointing_sigma_mrad(&mount, &after, &outer, sun, heliostat.aim) {
                 squares.push(mrad * mrad);
             }
-            let holding = [0, 1].map(|row| schedule.set_at(row, None, hour_rad));
-            if let [Some(one), Some(other)] = holding {
+            let holding = |row| schedule.set_at(row, None, hour_rad);
+            if let (Some(one), Some(other)) = (holding(0)?, holding(1)?) {
                 // Mostly those of the sun before, by the same names in memory.
                 let is_last = |[before, after]: &[&str; 2]| {
                     std::ptr::eq(*before, one) && std::ptr::eq(*after, other)
@@ -112,12 +114,12 @@ impl Change {
                 chi_square(&step(&before.parameters, &after.parameters), &sum)
             })
             .max_by(|&a, &b| surely(a).total_cmp(&surely(b)));
-        Some(Self {
+        Ok(Some(Self {
             beam_mrad: (squares.iter().sum::<f64>() / squares.len() as f64).sqrt(),
             chi_square,
             other_pose_errors,
             pairs: pairs.len(),
-        })
+        }))
     }
 }
 

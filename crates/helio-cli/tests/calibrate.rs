@@ -221,6 +221,49 @@ fn wrong_records_are_listed_and_none_is_lost() {
 }
 
 #[test]
+fn a_record_of_a_time_still_to_come_moves_nothing() {
+    let folder = seen(&["--count", "20"]);
+    calibrate(&folder, &["--out", "c.csv"]).good();
+    let table = folder.read("seen.csv");
+    let line = table.lines().nth(5).unwrap();
+    let late = format!("{}2200{}", &line[..3], &line[7..]);
+    folder.write("seen.csv", format!("{table}{late}\n"));
+    let run = calibrate(&folder, &["--out", "d.csv", "--rejected", "rejected.csv"]);
+    run.good();
+    let found = |name: &str| {
+        let mut rows = rows(&folder.read(name));
+        for row in &mut rows {
+            row.remove("observations_hash");
+        }
+        rows
+    };
+    assert_eq!(found("d.csv"), found("c.csv"));
+    let listed = rows(&folder.read("rejected.csv"));
+    let found: Vec<_> = listed
+        .iter()
+        .map(|row| (&row["line"], &row["reason"]))
+        .collect();
+    assert!(
+        found.contains(&(&"62".to_owned(), &"in_future".to_owned())),
+        "{found:?}"
+    );
+    let said = run.stderr();
+    assert!(said.contains("left aside: 1 (first: line 62)"), "{said}");
+    // nothing else is there
+    folder.write(
+        "seen.csv",
+        format!("{}\n{late}\n", table.lines().next().unwrap()),
+    );
+    let run = calibrate(&folder, &["--out", "e.csv"]);
+    assert_eq!(run.code(), 2);
+    assert!(
+        run.stderr().contains("none of its 1 records can be used"),
+        "{}",
+        run.stderr()
+    );
+}
+
+#[test]
 fn jumps_make_epochs_that_tracking_dates() {
     let jump = "2025-07-01T00:00:00Z,9,-6";
     let folder = seen(&["--count", "80", "--jump", jump]);

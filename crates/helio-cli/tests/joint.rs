@@ -393,6 +393,51 @@ fn records_count_once_and_the_same_records_give_the_same_bytes() {
         steps.lines().count()
     );
 
+    // A record of a time still to come moves nothing, neither the state nor its day.
+    let in_future = |name: &str| {
+        let table = folder.read(name);
+        let line = table
+            .lines()
+            .nth(1)
+            .unwrap()
+            .replacen(",2025-", ",2200-", 1);
+        folder.write("future.csv", format!("{table}{line}\n"));
+        (table.lines().count() + 1).to_string()
+    };
+    let line = in_future("later.csv");
+    folder.write("s.parquet", &begun);
+    let run = update("future.csv", &["--rejected", "rejected.csv"]);
+    run.good();
+    assert!(bytes(&folder, "s.parquet") == after);
+    assert_eq!(folder.read("steps.csv"), steps);
+    let rejected = rows(&folder.read("rejected.csv"));
+    let late = rejected
+        .iter()
+        .find(|row| row["reason"] == "in_future")
+        .unwrap();
+    assert_eq!(late["line"], line);
+    assert!(run.stderr().contains("still to come"), "{}", run.stderr());
+    in_future("first.csv");
+    calibrate(
+        &folder,
+        &[
+            &["--joint", "--observations", "future.csv"],
+            &args[3..],
+            &["f.csv"],
+        ]
+        .concat(),
+    )
+    .good();
+    assert!(bytes(&folder, "s.parquet") == begun);
+    let found = |name: &str| {
+        let mut rows = rows(&folder.read(name));
+        for row in &mut rows {
+            row.remove("observations_hash");
+        }
+        rows
+    };
+    assert_eq!(found("f.csv"), found("one.csv"));
+
     // A table that cannot be written leaves the state.
     folder.write("s.parquet", &begun);
     let run = calibrate(
@@ -667,6 +712,31 @@ fn what_does_not_go_together_is_refused_before_anything_is_read() {
         assert_eq!(run.code(), 2, "{more:?}");
         assert!(run.stderr().contains(wanted), "{more:?}: {}", run.stderr());
     }
+}
+
+/// Records without any scatter: there is no end to how small it may be.
+#[test]
+fn a_search_that_ended_early_is_said() {
+    let stopped = |noise: &str| {
+        let folder = seen("12", &["--count", "20", "--noise-mrad", noise]);
+        let args = [
+            "--joint",
+            "--observations",
+            "seen.csv",
+            "--out",
+            "joint.csv",
+            "--report",
+            "joint.html",
+        ];
+        let run = calibrate(&folder, &args);
+        run.good();
+        let words = "the search for noise and wander stopped before its end";
+        let said = run.stderr().contains(&format!("warning: {words}"));
+        assert_eq!(folder.read("joint.html").contains(words), said);
+        said
+    };
+    assert!(stopped("0"));
+    assert!(!stopped("0.5"));
 }
 
 #[test]

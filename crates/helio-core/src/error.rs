@@ -54,6 +54,14 @@ pub enum FieldError {
         /// Upper limit.
         max_rad: f64,
     },
+    /// No heliostat stands in a row.
+    #[error("row must be below {count}, the number of heliostats, got {row}")]
+    NoSuchRow {
+        /// The row asked for, counted from 0.
+        row: usize,
+        /// How many heliostats there are.
+        count: usize,
+    },
 }
 
 /// A wrong call of a tracking function.

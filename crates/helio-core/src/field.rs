@@ -98,12 +98,12 @@ impl Field {
     /// Replaces a heliostat by another, for instance after calibration.
     ///
     /// # Errors
-    /// [`FieldError`] as for [`push`](Self::push).
-    ///
-    /// # Panics
-    /// If `row` is not in the field.
+    /// [`FieldError`] as for [`push`](Self::push), or if `row` is not in the field.
     pub fn replace(&mut self, row: usize, heliostat: Heliostat) -> Result<(), FieldError> {
-        check(&self.ids[row], &heliostat)?;
+        let count = self.len();
+        let id = self.ids.get(row);
+        let id = id.ok_or(FieldError::NoSuchRow { row, count })?;
+        check(id, &heliostat)?;
         self.heliostats[row] = heliostat;
         Ok(())
     }
@@ -233,3 +233,24 @@ const MAX_SKEW_RAD: f64 = 1.4;
 const MAX_LIMIT_RAD: f64 = 1e5;
 /// Largest pedestal tilt accepted \[rad\]: at π the parametrisation by lean and direction ends.
 const MAX_TILT_RAD: f64 = 3.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_beyond_the_end_are_refused() {
+        let heliostat = Heliostat::new(Enu::new(10.0, 80.0, 4.0), Enu::new(0.0, 0.0, 60.0));
+        let mut field = Field::new(TrackingMode::AzimuthElevation);
+        for row in [0, usize::MAX] {
+            let error = field.replace(row, heliostat).unwrap_err();
+            let wanted = format!("row must be below 0, the number of heliostats, got {row}");
+            assert_eq!(error.to_string(), wanted);
+        }
+        field.push("A1", heliostat).unwrap();
+        field.replace(0, heliostat).unwrap();
+        let error = field.replace(1, heliostat).unwrap_err();
+        assert_eq!(error, FieldError::NoSuchRow { row: 1, count: 1 });
+        assert_eq!(field.heliostats(), [heliostat]);
+    }
+}

@@ -1,6 +1,5 @@
 //! What is left by pose: a row for each heliostat.
 
-use std::fmt::Write as _;
 use std::path::Path;
 
 use helio_calib::joint::{AxisCause, Leftover, LeftoverParts};
@@ -12,6 +11,7 @@ use crate::error::{IoError, Problem, quoted};
 use crate::keys::{ID, Key, Kind};
 use crate::output::{Cells, Destination, Format, write_columns};
 use crate::small::known_heliostat;
+use crate::state::text;
 use crate::table::{Keyed, Naming, Table};
 
 const fn column(name: &'static str, kind: Kind, about: &'static str) -> Key {
@@ -84,16 +84,6 @@ static COLUMNS: &[&Key] = &[
     &MOVED,
     &COVARIANCE,
 ];
-
-fn text<'a>(numbers: impl IntoIterator<Item = &'a f64>) -> String {
-    let mut out = String::new();
-    for number in numbers {
-        let separator = if out.is_empty() { "" } else { " " };
-        // shortest text that reads back as the same double
-        let _ = write!(out, "{separator}{number:e}");
-    }
-    out
-}
 
 /// Writes what is left by pose, a row for each heliostat of `ids`; gives the number of bytes.
 ///
@@ -206,12 +196,7 @@ fn leftover(table: &Keyed, row: usize, id: &str) -> Result<Leftover, IoError> {
     let causes = words(&CAUSES)?
         .iter()
         .map(|name| {
-            let known = AxisCause::ALL
-                .iter()
-                .find(|cause| cause.description().name == name);
-            known
-                .copied()
-                .ok_or_else(|| wrong(&CAUSES, "names of causes", quoted(name)))
+            AxisCause::named(name).ok_or_else(|| wrong(&CAUSES, "names of causes", quoted(name)))
         })
         .collect::<Result<_, _>>()?;
     let parts = LeftoverParts {
@@ -316,8 +301,8 @@ mod tests {
                 "sag",
                 "must be names of causes, found `sag`",
             ),
-            ("3.1e0 ", "", "must be pairs, found 3 numbers"),
-            ("3.1e0 ", "x ", "must be numbers apart by blanks, found `x`"),
+            ("3.1 ", "", "must be pairs, found 3 numbers"),
+            ("3.1 ", "x ", "must be numbers apart by blanks, found `x`"),
             ("most_mrad", "most", "unknown column `most`"),
             (" 1e-300", " 1 2 3", "number of turns_rad"),
         ] {

@@ -43,9 +43,7 @@ pub use calibrated::{
     CalibratedSet, JointColumns, Provenance, degrees_for, errors_as_written, load_calibration,
     write_calibration,
 };
-pub use campaign::{
-    Campaign, Instrument, limits_toml, load_campaign, load_limits, load_weather,
-};
+pub use campaign::{Campaign, Instrument, limits_toml, load_campaign, load_limits, load_weather};
 pub use error::{IoError, Place, Problem};
 pub use field::{
     CalibrationSchedule, Lapse, LoadedField, ObservationColumns, Site, Target, TargetArea,

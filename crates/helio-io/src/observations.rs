@@ -16,6 +16,7 @@ use crate::keys;
 use crate::small::{both_or_none, driven_rad, known_heliostat, pair};
 use crate::spots::SpotTable;
 use crate::table::{Keyed, Naming, Table};
+use crate::times::format_time;
 
 /// Observations of a field, by heliostat, and where in the file each stands.
 #[derive(Debug, Clone, PartialEq)]
@@ -82,6 +83,8 @@ pub enum LeftAsideReason {
     /// Its frame has no spot that can be trusted: the status of its row among the spots given apart, none for a frame
     /// that could not be read.
     Spot(Option<SpotStatus>),
+    /// It has a time that is still to come.
+    InFuture,
 }
 
 impl LeftAsideReason {
@@ -99,6 +102,7 @@ impl LeftAsideReason {
             Self::Spot(Some(SpotStatus::Ambiguous)) => "spot_ambiguous",
             Self::Spot(Some(SpotStatus::NoTarget)) => "spot_no_target",
             Self::Spot(Some(SpotStatus::Ok | SpotStatus::Saturated)) => "spot",
+            Self::InFuture => "in_future",
         }
     }
 }
@@ -106,25 +110,33 @@ impl LeftAsideReason {
 impl Observations {
     /// Where a record stands, in words: `line 12`, or `row 11` of a Parquet file.
     ///
-    /// # Panics
-    /// If the file has no such record.
-    #[must_use]
-    pub fn position(&self, record: usize) -> String {
-        match &self.lines {
-            Some(lines) => format!("line {}", lines[record]),
-            None => format!("row {}", record + 1),
-        }
+    /// # Errors
+    /// [`Problem::OutOfRange`] if the file has no such record.
+    pub fn position(&self, record: usize) -> Result<String, IoError> {
+        let line = self.line(record)?;
+        let kind = if self.lines.is_some() { "line" } else { "row" };
+        Ok(format!("{kind} {line}"))
     }
 
     /// Number of the line on which a record of a text file stands, or of its row in a Parquet file, from 1.
     ///
-    /// # Panics
-    /// If the file has no such record.
-    #[must_use]
-    pub fn line(&self, record: usize) -> usize {
-        self.lines
-            .as_ref()
-            .map_or(record + 1, |lines| lines[record])
+    /// # Errors
+    /// [`Problem::OutOfRange`] if the file has no such record.
+    pub fn line(&self, record: usize) -> Result<usize, IoError> {
+        let line = match &self.lines {
+            Some(lines) => lines.get(record).copied(),
+            None => (record < self.records).then_some(record + 1),
+        };
+        line.ok_or_else(|| {
+            let problem = Problem::OutOfRange {
+                what: "record".to_string(),
+                min: 0.0,
+                max: self.records as f64 - 1.0,
+                unit: "",
+                value: record as f64,
+            };
+            IoError::new(Place::file(&self.path), problem)
+        })
     }
 
     /// The name that a record has in the column `record_id`.
@@ -143,6 +155,46 @@ impl Observations {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.heliostats.is_empty()
+    }
+
+    /// Leaves aside the records made after a time \[ns since 1970, UTC\], and says so in a warning: a clock that was
+    /// set wrong, or a year mistyped. A heliostat that had no others is then not one with observations. How many
+    /// were left aside.
+    ///
+    /// # Errors
+    /// As [`position`](Self::position), if one of them has come to name a record that the file does not have.
+    pub fn leave_aside_after(&mut self, latest_unix_ns: i64) -> Result<usize, IoError> {
+        let known = self.left_aside.len();
+        let too_late = |o: &Observation| o.unix_ns.is_some_and(|ns| ns > latest_unix_ns);
+        for of in &mut self.heliostats {
+            if !of.observations.iter().any(too_late) {
+                continue;
+            }
+            let pairs = of.observations.drain(..).zip(of.records.drain(..));
+            let (late, kept): (Vec<_>, Vec<_>) = pairs.partition(|(o, _)| too_late(o));
+            (of.observations, of.records) = kept.into_iter().unzip();
+            self.left_aside
+                .extend(late.into_iter().map(|(_, record)| LeftAside {
+                    record,
+                    heliostat: of.row,
+                    reason: LeftAsideReason::InFuture,
+                }));
+        }
+        self.heliostats.retain(|of| !of.observations.is_empty());
+        let first = self.left_aside[known..].iter().map(|aside| aside.record);
+        if let Some(first) = first.min() {
+            self.warnings.push(format!(
+                "{}: records of a time still to come (after {}), left aside: {} (first: {}); are their clock and this \
+                 one right?",
+                self.path.display(),
+                format_time(latest_unix_ns),
+                self.left_aside.len() - known,
+                self.position(first)?
+            ));
+        }
+        let count = self.left_aside.len() - known;
+        self.left_aside.sort_by_key(|aside| aside.record);
+        Ok(count)
     }
 }
 
@@ -174,7 +226,8 @@ const SYNONYMS: &[(&str, &str)] = &[
 /// `[observations] ignore` are left aside.
 ///
 /// Records without a spot, under a sun below the horizon, and exact repetitions of an earlier one are
-/// left aside and listed; everything else that is wrong refuses the file.
+/// left aside and listed; everything else that is wrong refuses the file. Those of a time still to come are left to
+/// [`Observations::leave_aside_after`], as nothing here reads a clock.
 ///
 /// # Errors
 /// [`IoError`] with file, line (row) and column for: an unknown or missing column, a row of another
@@ -202,7 +255,7 @@ const SYNONYMS: &[(&str, &str)] = &[
 /// let field = helio_io::load_field(&folder.path().join("field.toml"))?;
 /// let seen = helio_io::load_observations(&folder.path().join("seen.csv"), &field)?;
 /// assert_eq!(seen.heliostats[0].observations[0].v_m, -0.3);
-/// assert_eq!(seen.position(seen.heliostats[0].records[0]), "line 2");
+/// assert_eq!(seen.position(seen.heliostats[0].records[0])?, "line 2");
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn load_observations(path: &Path, loaded: &LoadedField) -> Result<Observations, IoError> {
@@ -769,6 +822,7 @@ impl<'a> Reader<'a> {
 
     fn warn(&self, records: &[Record], farthest: Option<usize>, out: &mut Observations) {
         let path = out.path.display().to_string();
+        let position = |record| self.table.table().position(record);
         if let Some(row) = farthest
             && records[row].off_plane_m.abs() > ROUNDING_M
         {
@@ -782,7 +836,7 @@ impl<'a> Reader<'a> {
                  farthest ({}) {:.3} m {}; they were moved square onto it{}",
                 count,
                 records.len(),
-                out.position(row),
+                position(row),
                 records[row].off_plane_m.abs(),
                 side(records[row].off_plane_m),
                 if records[row].off_plane_m.abs() > 0.1 * half_m {
@@ -798,7 +852,7 @@ impl<'a> Reader<'a> {
         let of = |reason: fn(&LeftAsideReason) -> bool| {
             let mut which = out.left_aside.iter().filter(|aside| reason(&aside.reason));
             let first = which.next()?;
-            Some((which.count() + 1, out.position(first.record), first))
+            Some((which.count() + 1, position(first.record), first))
         };
         let mut said = Vec::new();
         if let Some((count, first, _)) = of(|reason| matches!(reason, LeftAsideReason::NoSpot)) {
@@ -824,7 +878,7 @@ impl<'a> Reader<'a> {
             of(|reason| matches!(reason, LeftAsideReason::Duplicate { .. }))
         {
             let again = match aside.reason {
-                LeftAsideReason::Duplicate { of } => out.position(of),
+                LeftAsideReason::Duplicate { of } => position(of),
                 _ => String::new(),
             };
             said.push(format!(

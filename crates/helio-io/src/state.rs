@@ -50,7 +50,7 @@ const SAME_RAD: f64 = 1e-5;
 pub struct StateFile {
     /// What is known of the field.
     pub parts: StateParts,
-    /// The targets that causes count: [`Cause::TargetRight`] of 1 is the second of these.
+    /// The targets that causes count: [`Cause::Target`] of 1 is the second of these.
     pub targets: Vec<(String, TargetPlane)>,
     /// How each heliostat stands, in the order of the parts.
     pub mounts: Vec<KeptMount>,
@@ -235,7 +235,7 @@ fn conflict(path: &Path, heliostat: Option<&str>, message: String) -> IoError {
 }
 
 /// Numbers as text that is read back as the same doubles. (The numbers of JSON are not, in every reader.)
-fn text(numbers: &[f64]) -> String {
+pub(crate) fn text(numbers: &[f64]) -> String {
     let mut out = String::with_capacity(20 * numbers.len());
     for number in numbers {
         if !out.is_empty() {
@@ -263,12 +263,12 @@ fn common_json(state: &StateFile) -> Value {
         .iter()
         .map(|cause| {
             let name = cause.description().name;
-            match cause {
-                Cause::TargetRight(k) | Cause::TargetDown(k) => {
-                    let target = state.targets.get(*k).map(|(name, _)| name.as_str());
+            match cause.target() {
+                Some(k) => {
+                    let target = state.targets.get(k).map(|(name, _)| name.as_str());
                     json!({ "cause": name, "target": target })
                 }
-                Cause::Axis(_) | Cause::SunTime => json!({ "cause": name }),
+                None => json!({ "cause": name }),
             }
         })
         .collect();
@@ -415,6 +415,7 @@ fn batch(state: &StateFile) -> Result<RecordBatch, arrow::error::ArrowError> {
         ),
         ("records", counts(&|h| h.records), false),
         ("outliers", counts(&|h| h.outliers), false),
+        ("jump_count", counts(&|h| h.jump_count), false),
         (
             "jump_days",
             lists(&|h, _| h.jumps.iter().map(|j| j.day).collect())?,
@@ -426,6 +427,11 @@ fn batch(state: &StateFile) -> Result<RecordBatch, arrow::error::ArrowError> {
         (
             "drift_variance",
             number_of_account(&|a| a.drift_variance),
+            false,
+        ),
+        (
+            "unbelieved",
+            number_of_account(&|a| a.unbelieved as f64),
             false,
         ),
         ("undecided_days", lists(&|h, _| h.undecided.clone())?, false),
@@ -624,16 +630,13 @@ impl Common<'_> {
             })
             .collect::<Option<_>>()
             .ok_or_else(|| Self::wrong("targets"))?;
-        let axis_cause = |name: &str| {
-            let found = AxisCause::ALL
-                .iter()
-                .find(|cause| cause.description().name == name);
-            found.copied().ok_or_else(|| unknown_cause(name))
-        };
         let own = self
             .entries("own_causes")?
             .iter()
-            .map(|name| axis_cause(name.as_str().ok_or_else(|| Self::wrong("own_causes"))?))
+            .map(|name| {
+                let name = name.as_str().ok_or_else(|| Self::wrong("own_causes"))?;
+                AxisCause::named(name).ok_or_else(|| unknown_cause(name))
+            })
             .collect::<Result<_, _>>()?;
         let shared = self
             .entries("shared_causes")?
@@ -641,20 +644,12 @@ impl Common<'_> {
             .map(|entry| {
                 let wrong = || Self::wrong("shared_causes");
                 let name = entry["cause"].as_str().ok_or_else(wrong)?;
-                let target = || {
-                    let name = entry["target"].as_str()?;
-                    targets.iter().position(|(known, _)| known == name)
+                let place = |name| targets.iter().position(|(known, _)| known == name);
+                let target = match entry.get("target").filter(|target| !target.is_null()) {
+                    Some(target) => Some(target.as_str().and_then(place).ok_or_else(wrong)?),
+                    None => None,
                 };
-                let [right, down] = [Cause::TargetRight(0), Cause::TargetDown(0)];
-                Ok(if name == right.description().name {
-                    Cause::TargetRight(target().ok_or_else(wrong)?)
-                } else if name == down.description().name {
-                    Cause::TargetDown(target().ok_or_else(wrong)?)
-                } else if name == Cause::SunTime.description().name {
-                    Cause::SunTime
-                } else {
-                    Cause::Axis(axis_cause(name)?)
-                })
+                Cause::named(name, target).ok_or_else(|| unknown_cause(name))
             })
             .collect::<Result<_, Unread>>()?;
         let [beam_mrad, spot_m, sun_path_s] = self.numbers("noise_beam_mrad_spot_m_sun_path_s")?;
@@ -813,6 +808,8 @@ fn take(batch: &RecordBatch, state: &mut StateFile) -> Result<(), Unread> {
         rows.whole("records")?,
         rows.whole("outliers")?,
     );
+    let unbelieved = rows.numbers("unbelieved")?;
+    let jump_count = rows.whole("jump_count")?;
     let (drift1, drift2, drift_variance) = (
         rows.numbers("drift1")?,
         rows.numbers("drift2")?,
@@ -863,6 +860,7 @@ fn take(batch: &RecordBatch, state: &mut StateFile) -> Result<(), Unread> {
                 last_day: last_day.is_valid(row).then(|| last_day.value(row)),
                 records: records[row].unsigned_abs(),
                 outliers: outliers[row].unsigned_abs(),
+                jump_count: jump_count[row].unsigned_abs(),
                 jumps: pairs
                     .map(|(&day, &axis)| JumpSeen {
                         day,
@@ -879,6 +877,7 @@ fn take(batch: &RecordBatch, state: &mut StateFile) -> Result<(), Unread> {
                 log_likelihood: likelihood[row],
                 drift: [drift1[row], drift2[row]],
                 drift_variance: drift_variance[row],
+                unbelieved: unbelieved[row] as usize,
                 mean: mean.of(row).to_vec(),
                 gain: gain.of(row).to_vec(),
                 spread: spread.of(row).to_vec(),

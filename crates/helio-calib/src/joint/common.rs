@@ -131,9 +131,38 @@ impl Common {
             for k in 0..common {
                 out.set_gain(i, k, sum(&|n| beliefs[n].gain(i, k)));
             }
+        }
+        // accounts differ in how they go with what is common too, which is known to a covariance V: they add
+        // (G - mean G) V (G - mean G)ᵀ
+        let gains: Vec<Vec<f64>> = beliefs
+            .iter()
+            .map(|belief| {
+                let gain = |p: usize| {
+                    belief.gain(p / common, p % common) - out.gain(p / common, p % common)
+                };
+                (0..own * common).map(gain).collect()
+            })
+            .collect();
+        let by_common: Vec<Vec<f64>> = gains
+            .iter()
+            .map(|gain| {
+                let times = |p: usize| -> f64 {
+                    let (i, k) = (p / common, p % common);
+                    let row = &gain[i * common..(i + 1) * common];
+                    let column = &self.covariance[k * common..(k + 1) * common];
+                    row.iter().zip(column).map(|(g, v)| g * v).sum()
+                };
+                (0..own * common).map(times).collect()
+            })
+            .collect();
+        let through = |n: usize, i: usize, j: usize| -> f64 {
+            let (left, right) = (&by_common[n][i * common..], &gains[n][j * common..]);
+            left[..common].iter().zip(right).map(|(a, b)| a * b).sum()
+        };
+        for i in 0..own {
             for j in 0..=i {
                 let apart = |n: usize| (means[n][i] - mean[i]) * (means[n][j] - mean[j]);
-                let value = sum(&|n| beliefs[n].covariance(i, j) + apart(n));
+                let value = sum(&|n| beliefs[n].covariance(i, j) + apart(n) + through(n, i, j));
                 out.set_covariance(i, j, value);
             }
         }

@@ -12,8 +12,8 @@ use super::hyper::{Hyper, Marks, Noise, Wander, waited};
 use super::hypotheses::{Account, Mishaps, decide, told_by};
 use super::rows::{ANGLES, Expansion, MILLI, Rows, Structure, filter_unit, parameters, pole};
 use super::terms::{AxisCause, Cause};
-use super::{CommonCause, JointFit, WANDERING, is_free};
-use crate::error::CalibrationError;
+use super::{CommonCause, JointFit, UNFIT, WANDERING, is_free};
+use crate::error::{CalibrationError, in_place};
 use crate::field::Campaign;
 use crate::parameters::Parameters;
 
@@ -70,15 +70,19 @@ fn pose_error(cause: AxisCause) -> usize {
     }
 }
 
+/// Records in a row that are not believed which are an alarm: eight times in a million by accident.
+const ALARMING: usize = 3;
 /// Records in doubt of a heliostat at most: then its likeliest account is believed.
 const MOST_UNDECIDED: usize = 60;
 /// Records are made linear anew where the heliostat is now thought to be farther from where they were than this
 /// \[rad\].
 const MOVED_RAD: f64 = 1e-3;
 
-/// A heliostat that is followed.
+/// A heliostat that is followed; accounts as the state holds them, or as plain numbers ([`HeliostatParts`]).
+///
+/// [`HeliostatParts`]: super::HeliostatParts
 #[derive(Debug, Clone, PartialEq)]
-pub struct Followed {
+pub struct Followed<A = Account> {
     /// Its name.
     pub id: String,
     /// Its last record \[days since 1970\].
@@ -87,12 +91,30 @@ pub struct Followed {
     pub records: u64,
     /// Those of them that were not believed.
     pub outliers: u64,
-    /// The last jumps that are certain, in time.
+    /// Jumps of a zero point so far that are certain.
+    pub jump_count: u64,
+    /// The last of them, in time.
     pub jumps: Vec<JumpSeen>,
-    /// What may have happened, likeliest first.
-    pub(super) accounts: Vec<Account>,
-    /// Days of the records that marks of undecided accounts count.
-    pub(super) undecided: Vec<f64>,
+    /// What may have happened, likeliest first; at least one.
+    pub accounts: Vec<A>,
+    /// Days of the records that are still in doubt \[since 1970\].
+    pub undecided: Vec<f64>,
+}
+
+impl<A> Followed<A> {
+    /// The same with its accounts in another form.
+    pub(super) fn with<B>(&self, accounts: Vec<B>) -> Followed<B> {
+        Followed {
+            id: self.id.clone(),
+            last_day: self.last_day,
+            records: self.records,
+            outliers: self.outliers,
+            jump_count: self.jump_count,
+            jumps: self.jumps.clone(),
+            accounts,
+            undecided: self.undecided.clone(),
+        }
+    }
 }
 
 /// What became of a record.
@@ -103,8 +125,8 @@ pub enum StepKind {
     Believed,
     /// Taken for an outlier, at least for now.
     Outlier,
-    /// A zero point of the first (0) or second (1) axis is taken to have jumped before it, at least for now.
-    Jump(usize),
+    /// The zero point of the first axis, of the second, or of both is taken to have jumped before it, at least for now.
+    Jump([bool; 2]),
     /// Its beam does not meet the target: it tells nothing.
     Misses,
 }
@@ -116,7 +138,8 @@ impl StepKind {
         match self {
             Self::Believed => "believed",
             Self::Outlier => "outlier",
-            Self::Jump(0) => "jump_axis1",
+            Self::Jump([true, true]) => "jump_axes",
+            Self::Jump([true, false]) => "jump_axis1",
             Self::Jump(_) => "jump_axis2",
             Self::Misses => "misses_target",
         }
@@ -136,7 +159,7 @@ pub struct Step {
     pub references_rad: [f64; 2],
     /// One standard deviation of them \[rad\].
     pub references_sigma_rad: [f64; 2],
-    /// Whether the running mean of misses is an alarm after it.
+    /// Whether the running mean of misses is an alarm after it, or the third record in a row that is not believed.
     pub alarm: bool,
 }
 
@@ -206,14 +229,19 @@ impl JointFit {
             .iter()
             .zip(&self.heliostats)
             .enumerate()
-            .map(|(k, (id, posterior))| Followed {
-                id: id.clone(),
-                last_day: posterior.last_day,
-                records: posterior.records as u64,
-                outliers: posterior.outliers.len() as u64,
-                jumps: last_jumps(posterior.jumps.iter().map(|(_, jump)| *jump).collect()),
-                accounts: vec![Account::new(self.belief(k))],
-                undecided: Vec::new(),
+            .map(|(k, (id, posterior))| {
+                let mut account = Account::new(self.belief(k));
+                account.drift.unbelieved = posterior.unbelieved_last;
+                Followed {
+                    id: id.clone(),
+                    last_day: posterior.last_day,
+                    records: posterior.records as u64,
+                    outliers: posterior.outliers.len() as u64,
+                    jump_count: posterior.jumps.len() as u64,
+                    jumps: last_jumps(posterior.jumps.iter().map(|(_, jump)| *jump).collect()),
+                    accounts: vec![account],
+                    undecided: Vec::new(),
+                }
             })
             .collect();
         Ok(FieldState {
@@ -261,6 +289,7 @@ impl FieldState {
             last_day: None,
             records: 0,
             outliers: 0,
+            jump_count: 0,
             jumps: Vec::new(),
             accounts: vec![Account::new(belief)],
             undecided: Vec::new(),
@@ -275,23 +304,22 @@ impl FieldState {
     /// The same records in the same calls give the same bits, whatever the number of threads.
     ///
     /// # Errors
-    /// [`CalibrationError::BadOption`] if a place is not one of [`heliostats`](Self::heliostats) or stands twice.
+    /// [`CalibrationError::NoSuchHeliostat`] if a place is not one of [`heliostats`](Self::heliostats),
+    /// [`CalibrationError::BadOption`] if it stands twice.
     pub fn update(
         &mut self,
         campaigns: &[(usize, Campaign<'_>)],
     ) -> Result<Vec<Vec<Step>>, CalibrationError> {
         let mut asked: Vec<Option<usize>> = vec![None; self.heliostats.len()];
         for (n, &(place, _)) in campaigns.iter().enumerate() {
-            match asked.get_mut(place) {
-                Some(free @ None) => *free = Some(n),
-                _ => {
-                    return Err(CalibrationError::BadOption {
-                        what: "place of a heliostat",
-                        wanted: "one of the state, once",
-                        value: place as f64,
-                    });
-                }
+            if in_place(&asked, "place", place)?.is_some() {
+                return Err(CalibrationError::BadOption {
+                    what: "place",
+                    wanted: "stated once",
+                    value: place as f64,
+                });
             }
+            asked[place] = Some(n);
         }
         let rates = self.hyper().rates();
         let context = Context {
@@ -330,12 +358,15 @@ impl FieldState {
     /// Holds observations of a heliostat against what is foretold of them, without taking them in; in their
     /// order.
     ///
-    /// # Panics
-    /// If there is no heliostat in that place.
-    #[must_use]
-    pub fn foretell(&self, place: usize, campaign: &Campaign<'_>) -> Vec<Foretold> {
+    /// # Errors
+    /// [`CalibrationError::NoSuchHeliostat`] if there is no heliostat in that place.
+    pub fn foretell(
+        &self,
+        place: usize,
+        campaign: &Campaign<'_>,
+    ) -> Result<Vec<Foretold>, CalibrationError> {
         let shape = self.structure.shape();
-        let heliostat = &self.heliostats[place];
+        let heliostat = in_place(&self.heliostats, "place", place)?;
         let belief = heliostat.belief(&self.common);
         let rates = self.hyper().rates();
         let at = Expansion {
@@ -346,27 +377,31 @@ impl FieldState {
             shared: shared_values(&self.structure, &self.common),
         };
         let rows = Rows::of(&self.structure, campaign, &at, pole(self.site_latitude_rad));
-        later(&belief, heliostat.last_day, &rows, &rates, &self.common)
+        let last = heliostat.last_day;
+        Ok(later(&belief, last, &rows, &rates, &self.common))
     }
 
     /// What a heliostat is believed to be at a time \[days since 1970\], not before its last record.
-    pub(super) fn belief_at(&self, place: usize, day: f64) -> Belief<f64> {
-        let heliostat = &self.heliostats[place];
+    pub(super) fn belief_at(
+        &self,
+        place: usize,
+        day: f64,
+    ) -> Result<Belief<f64>, CalibrationError> {
+        let heliostat = in_place(&self.heliostats, "place", place)?;
         let mut belief = heliostat.belief(&self.common).into_owned();
         if let Some(last) = heliostat.last_day {
             let (kept, added) = waited(&self.hyper().rates(), day - last);
             belief.wait(kept, added);
         }
-        belief
+        Ok(belief)
     }
 
     /// What is known of a heliostat at a time \[days since 1970\], not before its last record.
     ///
-    /// # Panics
-    /// If there is no heliostat in that place.
-    #[must_use]
-    pub fn known(&self, place: usize, day: f64) -> Known {
-        let belief = self.belief_at(place, day);
+    /// # Errors
+    /// [`CalibrationError::NoSuchHeliostat`] if there is no heliostat in that place.
+    pub fn known(&self, place: usize, day: f64) -> Result<Known, CalibrationError> {
+        let belief = self.belief_at(place, day)?;
         let shape = belief.shape;
         let (own, still) = (shape.own(), shape.still);
         let mean = self.common.mean_of(&belief);
@@ -405,29 +440,28 @@ impl FieldState {
                 };
             }
         }
-        Known {
+        Ok(Known {
             values,
             covariance: out,
             zero_rad,
             zero_sigma_rad,
             pose_errors: PoseErrors::from_array(pose_errors.map(|(value, _)| value)),
             pose_sigmas_rad: pose_errors.map(|(_, sigma)| sigma),
-        }
+        })
     }
 
     /// Six angles at rest and causes of its own of a heliostat \[rad\], and one standard deviation of each.
     ///
-    /// # Panics
-    /// If there is no heliostat in that place.
-    #[must_use]
-    pub fn at_rest(&self, place: usize) -> (Vec<f64>, Vec<f64>) {
-        let belief = &*self.heliostats[place].belief(&self.common);
+    /// # Errors
+    /// [`CalibrationError::NoSuchHeliostat`] if there is no heliostat in that place.
+    pub fn at_rest(&self, place: usize) -> Result<(Vec<f64>, Vec<f64>), CalibrationError> {
+        let belief = &*in_place(&self.heliostats, "place", place)?.belief(&self.common);
         let (own, still) = (belief.shape.own(), belief.shape.still);
         let covariance = self.common.covariance_of(belief);
         let sigma = |i: usize| libm::sqrt(covariance[i * own + i].max(0.0)) / MILLI;
         let mean = self.common.mean_of(belief);
         let values = mean[..still].iter().map(|x| x / MILLI).collect();
-        (values, (0..still).map(sigma).collect())
+        Ok((values, (0..still).map(sigma).collect()))
     }
 
     /// Mean of heliostats' own unknowns at rest \[rad\], six angles and then causes of their own.
@@ -508,6 +542,28 @@ struct Context<'a> {
 }
 
 impl Followed {
+    /// Records at the end that are not believed, one after the other: more than one or two are no accident.
+    #[must_use]
+    pub fn unbelieved_last(&self) -> usize {
+        self.accounts.first().map_or(0, |a| a.drift.unbelieved)
+    }
+
+    /// Records so far that are not believed, those in doubt as the likeliest account has them.
+    #[must_use]
+    pub fn unbelieved(&self) -> u64 {
+        let in_doubt = self.accounts.first().map_or(0, |a| a.marks.outliers.len());
+        self.outliers + in_doubt as u64
+    }
+
+    /// Whether so many of its records do not fit the others, or only after a jump, that it says nothing of what is common
+    /// and should not be believed.
+    #[must_use]
+    pub fn unfit(&self) -> bool {
+        let in_doubt = self.accounts.first().map_or(0, |a| a.marks.jumps.len());
+        let odd = self.unbelieved() + self.jump_count + in_doubt as u64;
+        odd * UNFIT as u64 > self.records
+    }
+
     /// Takes in records; what they tell of what is common once no doubt is left.
     fn take_in(
         &mut self,
@@ -564,9 +620,9 @@ impl Followed {
                 kind = if marks.outliers.last() == Some(&number) {
                     StepKind::Outlier
                 } else {
-                    match marks.jumps.last() {
-                        Some(&(at, axis)) if at == number => StepKind::Jump(axis),
-                        _ => StepKind::Believed,
+                    match [0, 1].map(|axis| marks.jumps.contains(&(number, axis))) {
+                        [false, false] => StepKind::Believed,
+                        axes => StepKind::Jump(axes),
                     }
                 };
                 decide(&mut self.accounts, number);
@@ -587,7 +643,8 @@ impl Followed {
                 kind,
                 references_rad,
                 references_sigma_rad,
-                alarm: self.accounts[0].drift.square() > context.alarm.threshold(),
+                alarm: self.accounts[0].drift.square() > context.alarm.threshold()
+                    || self.unbelieved_last() >= ALARMING,
             });
         }
         (steps, settled)
@@ -624,6 +681,7 @@ impl Followed {
         let marks = core::mem::take(&mut only.marks);
         let Marks { outliers, jumps } = marks;
         self.outliers += outliers.len() as u64;
+        self.jump_count += jumps.len() as u64;
         for (k, axis) in jumps {
             let day = self.undecided[k];
             self.jumps.push(JumpSeen { day, axis });
@@ -631,6 +689,6 @@ impl Followed {
         self.jumps = last_jumps(core::mem::take(&mut self.jumps));
         self.undecided.clear();
         let told = core::mem::replace(&mut only.told, Told::nothing(shape));
-        Some(Sum::new(told, 0.0))
+        (!self.unfit()).then(|| Sum::new(told, 0.0))
     }
 }

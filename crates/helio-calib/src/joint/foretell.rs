@@ -5,6 +5,7 @@ use super::common::Common;
 use super::hyper::waited;
 use super::rows::{Expansion, MILLI, Rows, Structure, filter_unit, parameters, pole};
 use super::{JointFit, Marks};
+use crate::error::{CalibrationError, in_place};
 use crate::field::Campaign;
 use crate::parameters::Parameters;
 
@@ -206,25 +207,31 @@ impl JointFit {
     /// Holds the observations of a campaign of heliostat `k` against what is foretold of them from its records
     /// so far, however long after those they are; in the order of the observations.
     ///
-    /// # Panics
-    /// If there is no heliostat `k`.
-    #[must_use]
-    pub fn foretell(&self, k: usize, campaign: &Campaign<'_>) -> Vec<Foretold> {
-        let posterior = &self.heliostats[k];
+    /// # Errors
+    /// [`CalibrationError::NoSuchHeliostat`] if there is no heliostat `k`.
+    pub fn foretell(
+        &self,
+        k: usize,
+        campaign: &Campaign<'_>,
+    ) -> Result<Vec<Foretold>, CalibrationError> {
+        let last = in_place(&self.heliostats, "k", k)?.last_day;
         let rows = self.rows(k, campaign);
-        let (belief, last) = (self.belief(k), posterior.last_day);
-        later(&belief, last, &rows, &self.hyper.rates(), &self.common)
+        let (belief, rates) = (self.belief(k), self.hyper.rates());
+        Ok(later(&belief, last, &rows, &rates, &self.common))
     }
 
     /// How the records of heliostat `k` that the fit used (the same campaign) had each been foretold from those
     /// before, in time. What is common is what the whole fit found.
     ///
-    /// # Panics
-    /// If there is no heliostat `k`.
-    #[must_use]
-    pub fn history(&self, k: usize, campaign: &Campaign<'_>) -> Vec<History> {
+    /// # Errors
+    /// [`CalibrationError::NoSuchHeliostat`] if there is no heliostat `k`.
+    pub fn history(
+        &self,
+        k: usize,
+        campaign: &Campaign<'_>,
+    ) -> Result<Vec<History>, CalibrationError> {
         let shape = self.structure.shape();
-        let posterior = &self.heliostats[k];
+        let posterior = in_place(&self.heliostats, "k", k)?;
         let (rows, marks) = self.marked(k, campaign);
         let rates = self.hyper.rates();
         let mut belief = Belief::of_field(shape, &self.hyper.spread, &rates);
@@ -260,16 +267,20 @@ impl JointFit {
                 jumped: [0, 1].map(|axis| marks.jumps.contains(&(record, axis))),
             });
         }
-        out
+        Ok(out)
     }
 
     /// The six angles of heliostat `k` at rest.
     ///
-    /// # Panics
-    /// If there is no heliostat `k`.
-    #[must_use]
-    pub fn parameters(&self, k: usize, mirror_offset_m: f64) -> Parameters {
-        parameters(&self.heliostats[k].still, mirror_offset_m)
+    /// # Errors
+    /// [`CalibrationError::NoSuchHeliostat`] if there is no heliostat `k`.
+    pub fn parameters(
+        &self,
+        k: usize,
+        mirror_offset_m: f64,
+    ) -> Result<Parameters, CalibrationError> {
+        let posterior = in_place(&self.heliostats, "k", k)?;
+        Ok(parameters(&posterior.still, mirror_offset_m))
     }
 }
 

@@ -18,7 +18,7 @@ use super::rows::{
 };
 use crate::field::Campaign;
 use crate::field::lane::{Eight, Lane};
-use crate::model::Real;
+use crate::model::{Real, dot};
 use crate::observation::{Observation, Sighting};
 
 impl<L: Lanes> Number for Lane<L> {
@@ -273,6 +273,17 @@ impl Group {
         }
     }
 
+    /// Takes all records of a heliostat for ones that tell nothing.
+    pub fn silence(&mut self, shape: Shape, lane: usize) {
+        let rest = shape.row() - column::REST;
+        for row in self.rows.chunks_exact_mut(shape.row()) {
+            row[rest + column::SILENT][lane] = 1.0;
+            for axis in 0..2 {
+                row[rest + column::JUMP + axis][lane] = 0.0;
+            }
+        }
+    }
+
     /// Square of what is left of each record where the formula was made linear, in expected variances of one
     /// component: record by record.
     pub fn misses(&self, shape: Shape, prior: &Prior<'_>) -> Vec<Eight> {
@@ -379,11 +390,6 @@ fn place(
 }
 
 #[inline(always)]
-fn dot<L: Lanes>(a: &[Lane<L>; 3], b: &[Lane<L>; 3]) -> Lane<L> {
-    a[2].mul_add(b[2], a[1].mul_add(b[1], a[0] * b[0]))
-}
-
-#[inline(always)]
 fn three<L: Lanes>(from: &[Eight], lane: usize) -> [Lane<L>; 3] {
     [
         Lane::read(&from[0], lane),
@@ -395,9 +401,9 @@ fn three<L: Lanes>(from: &[Eight], lane: usize) -> [Lane<L>; 3] {
 #[inline(always)]
 fn along<L: Lanes>(axes: &[[Lane<L>; 3]; 3], vector: &[Lane<L>; 3]) -> [Lane<L>; 3] {
     [
-        dot(&axes[0], vector),
-        dot(&axes[1], vector),
-        dot(&axes[2], vector),
+        dot(axes[0], *vector),
+        dot(axes[1], *vector),
+        dot(axes[2], *vector),
     ]
 }
 
@@ -508,9 +514,9 @@ fn linearise_some<L: Lanes>(some: &mut Linearise<'_>, lane: usize) {
         ];
         let (sin1, cos1) = Lane::<L>::read(&given[given::ANGLES], lane).sin_cos();
         let (sin2, cos2) = Lane::<L>::read(&given[given::ANGLES + 1], lane).sin_cos();
-        let along_normal = dot(&normal, &centre);
-        let u = dot(&right, &centre) + Lane::read(&given[given::SPOT], lane);
-        let v = dot(&down, &centre) + Lane::read(&given[given::SPOT + 1], lane);
+        let along_normal = dot(normal, centre);
+        let u = dot(right, centre) + Lane::read(&given[given::SPOT], lane);
+        let v = dot(down, centre) + Lane::read(&given[given::SPOT + 1], lane);
         // see `Sighting::across_beam`
         let square = u * u + v * v;
         let level = square.sqrt();
@@ -1045,7 +1051,7 @@ mod tests {
     use super::super::hyper::waited;
     use super::super::rows::{Expansion, Rows, pole};
     use super::super::simulate::{FieldOptions, simulate_field};
-    use super::super::terms::{AxisCause, Cause};
+    use super::super::terms::{AxisCause, Cause, SpotCause};
     use super::*;
 
     fn hyper(still: usize) -> Hyper {
@@ -1094,9 +1100,9 @@ mod tests {
             own: vec![AxisCause::Axis2Eccentricity],
             shared: vec![
                 Cause::Axis(AxisCause::Axis1Sag),
-                Cause::TargetRight(0),
-                Cause::TargetDown(1),
-                Cause::SunTime,
+                Cause::Target(SpotCause::TargetRight, 0),
+                Cause::Target(SpotCause::TargetDown, 1),
+                Cause::Spots(SpotCause::SunTime),
             ],
         };
         let shape = structure.shape();

@@ -61,6 +61,14 @@ pub(super) const EXPECTED_SPREAD_MRAD: [f64; ANGLES] = [20.0, 20.0, 5.0, 3.0, 10
 /// One standard deviation of each searched logarithm about what is expected.
 const WIDTH: [f64; SEARCHED] = [0.5, 0.7, 0.5, 0.7, 0.7, 0.7, 0.7, 0.7, 0.7];
 
+fn expected() -> Hyper {
+    Hyper {
+        noise: EXPECTED_NOISE,
+        wander: EXPECTED_WANDER,
+        spread: Vec::new(),
+    }
+}
+
 impl Hyper {
     pub fn rates(&self) -> Rates {
         let (n, w) = (&self.noise, &self.wander);
@@ -122,12 +130,7 @@ impl Hyper {
 
     /// What stands against the searched logarithms before anything was seen.
     pub fn penalty(&self) -> f64 {
-        let expected = Self {
-            noise: EXPECTED_NOISE,
-            wander: EXPECTED_WANDER,
-            spread: Vec::new(),
-        };
-        let pairs = self.logarithms().into_iter().zip(expected.logarithms());
+        let pairs = self.logarithms().into_iter().zip(expected().logarithms());
         pairs
             .zip(WIDTH)
             .map(|((is, expected), width)| {
@@ -183,9 +186,13 @@ const FIRST_REACH: f64 = 0.1;
 /// Distance over which slopes are taken: the minimum is off by half of it.
 const REACH: f64 = 1e-4;
 /// Times that noise, wander and spread are bettered.
-const ROUNDS: usize = 12;
-/// Search is over where a round gains less than this (logarithm of the likelihood).
+const ROUNDS: usize = 24;
+/// Search is over where a round gains less than the larger of these (logarithm of the likelihood): altogether, and for
+/// each heliostat.
 const ENOUGH: f64 = 0.01;
+const ENOUGH_EACH: f64 = 1e-3;
+/// Farthest that a searched logarithm moves from what is expected: where records have no noise, likelihood has no end.
+const FARTHEST: f64 = 7.0;
 /// Times that a step which does not gain is halved.
 const HALVED: usize = 4;
 
@@ -326,6 +333,13 @@ impl Search {
         Self { inverse }
     }
 
+    /// As known once so many times as many heliostats curve the likelihood.
+    pub fn seen_by_more(&mut self, times: f64) {
+        for x in self.inverse.as_flattened_mut() {
+            *x /= times;
+        }
+    }
+
     /// Downhill, no farther than [`WIDEST`].
     fn step(&self, slope: &Logarithms) -> Logarithms {
         let step = self.inverse.map(|line| -dot(&line, slope));
@@ -381,6 +395,8 @@ pub(super) fn learn(
         };
         free.searched().map(moved).collect()
     };
+    let enough = ENOUGH.max(ENOUGH_EACH * sample.members.len() as f64);
+    let expected = expected().logarithms();
     let mut before: Option<(f64, Logarithms, Logarithms)> = None;
     for _ in 0..ROUNDS {
         for _ in (0..2).filter(|_| free.pooled) {
@@ -419,12 +435,15 @@ pub(super) fn learn(
         let gained = before.map_or(f64::INFINITY, |(last, ..)| last - here);
         let step = known.step(&slope);
         let promised = -0.5 * dot(&step, &slope);
-        if promised < ENOUGH && gained < ENOUGH {
+        if promised < enough && gained < enough {
             return true;
         }
         let mut by = 1.0;
         for _ in 0..HALVED {
-            let there = plus(&from, by, &step);
+            let mut there = plus(&from, by, &step);
+            for k in free.searched() {
+                there[k] = there[k].clamp(expected[k] - FARTHEST, expected[k] + FARTHEST);
+            }
             if values(hyper, &[there]).iter().all(|value| *value < here) {
                 hyper.set_logarithms(&there);
                 break;

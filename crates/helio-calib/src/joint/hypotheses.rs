@@ -13,7 +13,7 @@ pub struct Mishaps {
     pub outlier: f64,
     /// How far off, one standard deviation of either component \[mrad\].
     pub outlier_mrad: f64,
-    /// Probability that the zero point of one axis jumped before a record.
+    /// Probability that the zero point of one axis, or of both, jumped before a record.
     pub jump: f64,
     /// How far, one standard deviation \[mrad\].
     pub jump_mrad: f64,
@@ -33,6 +33,13 @@ impl Default for Mishaps {
 /// A record nearer than this to what was expected (chi-squared, two degrees of freedom: 5 % lie beyond) is
 /// taken as it is.
 const DOUBTFUL: f64 = 6.0;
+/// What may jump, and how likely it is that this does where something does: encoders lose their references one by
+/// one, or together where a drive cabinet loses its power.
+const JUMPS: [([bool; 2], f64); 3] = [
+    ([true, false], 0.4),
+    ([false, true], 0.4),
+    ([true, true], 0.2),
+];
 /// Variance of what was expected, of that of spots in wrong places, above which a record may be one however near it lies.
 const VAGUE: f64 = 0.02;
 /// Accounts carried on at most.
@@ -42,14 +49,14 @@ pub(super) const GIVEN_UP: f64 = 12.0;
 
 /// One account of what happened.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Account {
+pub struct Account {
     /// Less that of the likeliest.
-    pub log_likelihood: f64,
-    pub belief: Belief<f64>,
+    pub(super) log_likelihood: f64,
+    pub(super) belief: Belief<f64>,
     /// What its records tell of what is common, since that was last taken from it.
-    pub told: Told<f64>,
-    pub marks: Marks,
-    pub drift: Drift,
+    pub(super) told: Told<f64>,
+    pub(super) marks: Marks,
+    pub(super) drift: Drift,
 }
 
 /// Exponentially weighted running mean of the misses of an account in their standard deviations.
@@ -58,6 +65,8 @@ pub(super) struct Drift {
     pub mean: [f64; 2],
     /// Of either component, in a heliostat that does what the model says.
     pub variance: f64,
+    /// Records since the last that was believed.
+    pub unbelieved: usize,
 }
 
 impl Drift {
@@ -65,6 +74,7 @@ impl Drift {
         for (mean, deviate) in self.mean.iter_mut().zip(deviates) {
             *mean += weight * (deviate - *mean);
         }
+        self.unbelieved = 0;
         let kept = 1.0 - weight;
         self.variance = kept * kept * self.variance + weight * weight;
     }
@@ -81,7 +91,7 @@ impl Drift {
 }
 
 impl Account {
-    pub fn new(belief: Belief<f64>) -> Self {
+    pub(super) fn new(belief: Belief<f64>) -> Self {
         Self {
             log_likelihood: 0.0,
             told: Told::nothing(belief.shape),
@@ -96,8 +106,8 @@ impl Account {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Truth,
-    /// Of the first (0) or second (1) axis.
-    Jump(usize),
+    /// Of the first axis, of the second, or of both.
+    Jump([bool; 2]),
     Outlier,
 }
 
@@ -150,6 +160,17 @@ impl Mishaps {
         square > DOUBTFUL || determinant > vague * vague
     }
 
+    /// Variances by which zero points are known the less after a jump \[mrad²\].
+    pub(super) fn jumped(&self, axes: [bool; 2]) -> [f64; 2] {
+        axes.map(|it| {
+            if it {
+                self.jump_mrad * self.jump_mrad
+            } else {
+                0.0
+            }
+        })
+    }
+
     /// What may have become of a record under one account; `slopes` are those of the references.
     pub(super) fn accounts(
         &self,
@@ -168,9 +189,12 @@ impl Mishaps {
         let [a, b, c] = held.covariance;
         if self.doubts(square, a * c - b * b) {
             if square > DOUBTFUL {
-                for (axis, slope) in slopes.into_iter().enumerate() {
-                    let jumped = held.loosened(slope, self.jump_mrad * self.jump_mrad);
-                    put(Kind::Jump(axis), 0.5 * self.jump, &jumped);
+                for (axes, share) in JUMPS {
+                    let mut jumped = *held;
+                    for (slope, variance) in slopes.into_iter().zip(self.jumped(axes)) {
+                        jumped = jumped.loosened(slope, variance);
+                    }
+                    put(Kind::Jump(axes), share * self.jump, &jumped);
                 }
             }
             let scatter = self.outlier_mrad * self.outlier_mrad;
@@ -256,16 +280,18 @@ pub(super) fn told_by(
                 account.drift.count(weight, surprise.deviates());
                 account.belief.believe(surprise, room, &mut account.told);
             }
-            Kind::Outlier => account.marks.outliers.push(k),
-            Kind::Jump(axis) => {
-                let mut variances = [0.0; 2];
-                variances[axis] = mishaps.jump_mrad * mishaps.jump_mrad;
-                account.belief.loosen(variances);
+            Kind::Outlier => {
+                account.drift.unbelieved += 1;
+                account.marks.outliers.push(k);
+            }
+            Kind::Jump(axes) => {
+                account.belief.loosen(mishaps.jumped(axes));
                 let mut room = Room::of(account.belief.shape);
                 let surprise = account.belief.weigh(row, rates, common, &mut room);
                 let told = &mut account.told;
                 account.belief.believe(&surprise, &mut room, told);
-                account.marks.jumps.push((k, axis));
+                let each = [0, 1].into_iter().filter(|&axis| axes[axis]);
+                account.marks.jumps.extend(each.map(|axis| (k, axis)));
                 // what came before it says nothing of what comes after
                 account.drift = Drift::default();
             }

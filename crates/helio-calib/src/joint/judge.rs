@@ -218,8 +218,10 @@ impl Kernel for Records<'_> {
                 match candidate.kind {
                     Kind::Truth => continue,
                     Kind::Outlier => live[lane] = 0.0,
-                    Kind::Jump(axis) => {
-                        jumped[axis][lane] = mishaps.jump_mrad * mishaps.jump_mrad;
+                    Kind::Jump(axes) => {
+                        for (to, variance) in jumped.iter_mut().zip(mishaps.jumped(axes)) {
+                            to[lane] = variance;
+                        }
                     }
                 }
                 events.push(Event {
@@ -251,7 +253,10 @@ impl Kernel for Records<'_> {
             match event.kind {
                 Kind::Truth => {}
                 Kind::Outlier => marks.outliers.push(event.record),
-                Kind::Jump(axis) => marks.jumps.push((event.record, axis)),
+                Kind::Jump(axes) => {
+                    let each = [1, 0].into_iter().filter(|&axis| axes[axis]);
+                    marks.jumps.extend(each.map(|axis| (event.record, axis)));
+                }
             }
             next = event.before;
         }

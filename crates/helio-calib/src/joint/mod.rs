@@ -54,9 +54,10 @@ use judge::Judge;
 pub use leftovers::{Leftover, LeftoverOptions, LeftoverParts, Leftovers};
 pub use parts::{AccountParts, HeliostatParts, StateParts};
 use parts::{check_latitude, check_mishaps, demand};
+pub use plan::NO_TARGET;
 pub use rows::DAY_NS;
 use rows::{ANGLES, MILLI, Structure, filter_unit, in_time, pole, usable};
-pub use terms::{AxisCause, Cause, Description, Scope};
+pub use terms::{AxisCause, Cause, Description, Scope, SpotCause};
 pub use worth::Worth;
 pub use zero::ZeroPoint;
 
@@ -67,10 +68,8 @@ pub struct JointOptions {
     pub site_latitude_rad: f64,
     /// Causes that turn mirrors about their axes and may be found in the field.
     pub axis_causes: Vec<AxisCause>,
-    /// Whether targets may be shifted.
-    pub target_shifts: bool,
-    /// Whether the sun's time may be off.
-    pub sun_time: bool,
+    /// Causes that move spots and may be found in the field: for each target, or for all.
+    pub spot_causes: Vec<SpotCause>,
     /// How much likelier (logarithm) the whole field's records must be with a cause than without it; minus infinity
     /// admits all causes, infinity none.
     pub least_log_evidence: f64,
@@ -91,8 +90,7 @@ impl JointOptions {
         Self {
             site_latitude_rad,
             axis_causes: AxisCause::ALL.to_vec(),
-            target_shifts: true,
-            sun_time: true,
+            spot_causes: SpotCause::ALL.to_vec(),
             least_log_evidence: 5.0,
             mishaps: Mishaps::default(),
             left_out: Vec::new(),
@@ -145,6 +143,8 @@ pub struct Posterior {
     pub outliers: Vec<usize>,
     /// Observations before which the zero point of an axis jumped, in time.
     pub jumps: Vec<(usize, JumpSeen)>,
+    /// Records at the end that are not believed, one after the other.
+    pub unbelieved_last: usize,
     /// How many observations it had.
     pub records: usize,
 }
@@ -269,6 +269,11 @@ pub fn fit_joint(
     fit_at(campaigns, options, SimdLevel::best())
 }
 
+/// A heliostat with more than one in so many of its records in wrong places is not learnt from.
+const UNFIT: usize = 4;
+/// Of the heliostats that noise and wander are learnt from one in so many gives a first guess at them.
+const FIRST_SHARE: usize = 4;
+
 fn fit_at(
     campaigns: &[Campaign<'_>],
     options: &JointOptions,
@@ -278,22 +283,30 @@ fn fit_at(
     let mut places = work.beginnings();
     let mut decided = Decided::new();
     let expansions = options.expansions.max(1);
-    // where noise and wander are learnt from some heliostats, the first expansion is theirs alone
+    // where noise and wander are learnt from some heliostats, the first expansion is that of some of these alone
     let some = campaigns.len() > options.learnt_from && expansions > 1;
     let mut pass = 0;
     loop {
         work.leave_out_held();
-        let sample = work.sample(&places, pass == 0, &mut decided);
+        let first = pass == 0 && some;
+        let most = options
+            .learnt_from
+            .div_ceil(if first { FIRST_SHARE } else { 1 });
+        let sample = work.sample(&places, most, pass == 0, &mut decided);
         work.learn(&sample);
         if pass == 0 {
             work.meet(&sample);
-        } else {
+        }
+        if pass > 0 || expansions == 1 {
             work.admit_own(&sample);
         }
         pass += 1;
-        if pass == 1 && some {
+        if first {
             let known = sample.filter(&work.hyper).0;
             work.move_on(&mut places, &known, &sample.members, &mut decided);
+            if let Some(search) = &mut work.search {
+                search.seen_by_more(FIRST_SHARE as f64);
+            }
             continue;
         }
         let known = work.believe(&places, &mut decided);
@@ -375,14 +388,11 @@ impl<'a> Work<'a> {
             .iter()
             .partition(|cause| cause.description().expected_spread > 0.0);
         let mut shared: Vec<Cause> = shared.into_iter().map(Cause::Axis).collect();
-        if options.target_shifts {
-            for target in targets {
-                shared.extend([Cause::TargetRight(target), Cause::TargetDown(target)]);
-            }
+        let of_spots = |target| options.spot_causes.iter().filter_map(move |c| c.of(target));
+        for target in targets {
+            shared.extend(of_spots(Some(target)).filter(|cause| cause.target().is_some()));
         }
-        if options.sun_time {
-            shared.push(Cause::SunTime);
-        }
+        shared.extend(of_spots(None));
         let structure = Structure { own, shared };
         let shape = structure.shape();
         let of_own = |of: fn(Description) -> f64| {
@@ -449,13 +459,25 @@ impl<'a> Work<'a> {
             level: Some(self.level),
             ..FieldFitOptions::default()
         };
-        // such a fit takes no records but those that can be used
+        // such a fit takes no records but those that can be used, and a sigma of all of them or of none
         let used: Vec<Cow<'_, [Observation]>> = self
             .campaigns
             .par_iter()
-            .map(|campaign| match campaign.observations {
-                all if all.iter().all(usable) => Cow::Borrowed(all),
-                all => all.iter().filter(|o| usable(o)).copied().collect(),
+            .map(|campaign| {
+                let all = campaign.observations;
+                let stated = all.iter().any(|o| o.sigma_m.is_some());
+                if all
+                    .iter()
+                    .all(|o| usable(o) && o.sigma_m.is_some() == stated)
+                {
+                    return Cow::Borrowed(all);
+                }
+                let with_sigma = |o: &Observation| Observation {
+                    sigma_m: stated.then(|| o.sigma_m.unwrap_or(EXPECTED_NOISE.spot_m)),
+                    ..*o
+                };
+                let used = all.iter().filter(|o| usable(o));
+                used.map(with_sigma).collect()
             })
             .collect();
         let campaigns: Vec<Campaign<'_>> = used
@@ -518,11 +540,11 @@ impl<'a> Work<'a> {
 
     /// Heliostats that noise and wander are learnt from, evenly spaced among those with records, and what was
     /// decided about the records of each: of all where `all`, else where one lies far from what was expected.
-    fn sample(&self, places: &Places, all: bool, decided: &mut Decided) -> Sample {
+    fn sample(&self, places: &Places, most: usize, all: bool, decided: &mut Decided) -> Sample {
         let with: Vec<usize> = (0..self.campaigns.len())
             .filter(|&k| self.campaigns[k].observations.len() > 1)
             .collect();
-        let count = with.len().min(self.options.learnt_from.max(1));
+        let count = with.len().min(most.max(1));
         let mut chosen: Vec<usize> = (0..count).map(|k| with[k * with.len() / count]).collect();
         alike(self.campaigns, &mut chosen);
         let causes = &self.live.causes;
@@ -543,6 +565,9 @@ impl<'a> Work<'a> {
                     } else {
                         Marks::default()
                     };
+                    if self.unfit(k, &marks) {
+                        group.silence(self.live.structure.shape(), lane);
+                    }
                     decided.insert(k, marks);
                 }
                 (group, decided)
@@ -561,6 +586,12 @@ impl<'a> Work<'a> {
             about: self.common.mean.clone(),
             causes: self.live.causes.clone(),
         }
+    }
+
+    /// Whether so many records of a heliostat do not fit the others that it says nothing of what is common, nor of
+    /// how records scatter.
+    fn unfit(&self, k: usize, marks: &Marks) -> bool {
+        (marks.outliers.len() + marks.jumps.len()) * UNFIT > self.campaigns[k].observations.len()
     }
 
     fn learn(&mut self, sample: &Sample) {
@@ -669,6 +700,12 @@ impl<'a> Work<'a> {
                     unexpected.push(n * BLOCK + lane);
                 }
             }
+            for (lane, k) in members.iter().enumerate() {
+                let marks = before.get(k).or_else(|| found.get(k));
+                if marks.is_some_and(|marks| self.unfit(*k, marks)) {
+                    of_group.leave_out(lane);
+                }
+            }
             total.add(&of_group);
             all.push(known);
         }
@@ -680,7 +717,13 @@ impl<'a> Work<'a> {
                 group.mark(rows, lane, &found[k], jump_mrad);
             }
             let mut again = Beliefs::default();
-            total.add(&group.filter(self.level, prior, &mut again));
+            let mut of_group = group.filter(self.level, prior, &mut again);
+            for (lane, k) in members.iter().enumerate() {
+                if self.unfit(*k, &found[k]) {
+                    of_group.leave_out(lane);
+                }
+            }
+            total.add(&of_group);
             for (lane, &n) in some.iter().enumerate() {
                 all[n / BLOCK].take(n % BLOCK, &again, lane);
             }
@@ -698,7 +741,7 @@ impl<'a> Work<'a> {
         let still = self.shape.still;
         let shift = |k: &usize| {
             let cause = k.checked_sub(still).map(|k| self.structure.shared[k]);
-            matches!(cause, Some(Cause::TargetRight(_) | Cause::TargetDown(_)))
+            matches!(cause, Some(Cause::Target(..)))
         };
         if shift(&k) {
             (still..self.shape.common()).filter(shift).collect()
@@ -872,6 +915,8 @@ impl<'a> Work<'a> {
             {
                 let (of, days) = in_time(&self.campaigns[k]);
                 posterior.outliers = marks.outliers.iter().map(|&r| of[r]).collect();
+                let from_the_end = marks.outliers.iter().rev().zip((0..of.len()).rev());
+                posterior.unbelieved_last = from_the_end.take_while(|(r, k)| *r == k).count();
                 let jump = |&(r, axis): &(usize, usize)| (of[r], JumpSeen { day: days[r], axis });
                 posterior.jumps = marks.jumps.iter().map(jump).collect();
             }
@@ -920,6 +965,7 @@ impl<'a> Work<'a> {
                 last_day: last_ns.map(|ns| ns as f64 / DAY_NS),
                 outliers: Vec::new(),
                 jumps: Vec::new(),
+                unbelieved_last: 0,
                 records: observations.len(),
             }
         };
@@ -945,6 +991,39 @@ mod tests {
             bits.extend(posterior.outliers.iter().map(|&k| k as u64));
         }
         bits
+    }
+
+    /// Also where some records state their sigma and others do not.
+    #[test]
+    fn heliostats_begin_with_their_own_fit() {
+        let options = FieldOptions {
+            heliostats: 10,
+            records: 20,
+            ..FieldOptions::new(7).unwrap()
+        };
+        let mut field = simulate_field(&options).unwrap();
+        let begun = |field: &simulate::SimulatedField| {
+            let campaigns = field.first(20);
+            let how = JointOptions::new(options.site.latitude_rad());
+            let work = Work::new(&campaigns, &how, SimdLevel::best()).unwrap();
+            work.beginnings().still
+        };
+        let none = begun(&field);
+        for heliostat in &mut field.heliostats {
+            for o in heliostat.observations.iter_mut().step_by(3) {
+                o.sigma_m = Some(0.02);
+            }
+        }
+        let mixed = begun(&field);
+        let still = none.len() / 10;
+        let mut largest: f64 = 0.0;
+        for (none, mixed) in none.chunks(still).zip(mixed.chunks(still)) {
+            for (none, mixed) in none.iter().zip(mixed) {
+                largest = largest.max(none.abs());
+                assert!((none - mixed).abs() < 1e-9, "{none} {mixed}");
+            }
+        }
+        assert!(largest > 1e-3, "{largest}");
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use super::belief::{Belief, Shape, Told, at};
 use super::common::{Common, Sum};
-use super::follow::{Alarm, FieldState, Followed, JumpSeen};
+use super::follow::{Alarm, FieldState, Followed};
 use super::hyper::{Hyper, Marks, Noise, Wander};
 use super::hypotheses::{Account, Drift, Mishaps};
 use super::rows::Structure;
@@ -46,23 +46,7 @@ pub struct StateParts {
 }
 
 /// [`Followed`] as plain numbers.
-#[derive(Debug, Clone, PartialEq)]
-pub struct HeliostatParts {
-    /// As in [`Followed`].
-    pub id: String,
-    /// As in [`Followed`].
-    pub last_day: Option<f64>,
-    /// As in [`Followed`].
-    pub records: u64,
-    /// As in [`Followed`].
-    pub outliers: u64,
-    /// As in [`Followed`].
-    pub jumps: Vec<JumpSeen>,
-    /// Days of the records that are still in doubt \[since 1970\].
-    pub undecided: Vec<f64>,
-    /// What may have happened, likeliest first; at least one.
-    pub accounts: Vec<AccountParts>,
-}
+pub type HeliostatParts = Followed<AccountParts>;
 
 /// One account of what happened.
 #[derive(Debug, Clone, PartialEq)]
@@ -73,6 +57,8 @@ pub struct AccountParts {
     pub drift: [f64; 2],
     /// Variance of either component of that in a heliostat that does what the model says.
     pub drift_variance: f64,
+    /// Records since the last that was believed.
+    pub unbelieved: usize,
     /// Unknowns at rest, then wandering zero points, where all common unknowns are zero.
     pub mean: Vec<f64>,
     /// Their derivatives by the common unknowns, row by row.
@@ -210,7 +196,7 @@ pub(super) fn demand(
     })
 }
 
-fn finite(what: &'static str, value: f64) -> Result<(), CalibrationError> {
+pub(super) fn finite(what: &'static str, value: f64) -> Result<(), CalibrationError> {
     demand(what, value.is_finite(), "finite", value)
 }
 
@@ -219,7 +205,7 @@ fn not_negative(what: &'static str, value: f64) -> Result<(), CalibrationError> 
     demand(what, holds, "finite and not negative", value)
 }
 
-fn positive(what: &'static str, value: f64) -> Result<(), CalibrationError> {
+pub(super) fn positive(what: &'static str, value: f64) -> Result<(), CalibrationError> {
     let holds = value.is_finite() && value > 0.0;
     demand(what, holds, "finite and above 0", value)
 }
@@ -289,18 +275,10 @@ fn check(what: &'static str, numbers: &[f64], length: usize) -> Result<(), Calib
 
 impl HeliostatParts {
     fn of(followed: &Followed) -> Self {
-        Self {
-            id: followed.id.clone(),
-            last_day: followed.last_day,
-            records: followed.records,
-            outliers: followed.outliers,
-            jumps: followed.jumps.clone(),
-            undecided: followed.undecided.clone(),
-            accounts: followed.accounts.iter().map(AccountParts::of).collect(),
-        }
+        followed.with(followed.accounts.iter().map(AccountParts::of).collect())
     }
 
-    fn followed(self, empty: &Belief<f64>) -> Result<Followed, CalibrationError> {
+    fn followed(mut self, empty: &Belief<f64>) -> Result<Followed, CalibrationError> {
         for &day in self.last_day.iter().chain(&self.undecided) {
             finite("day of a record", day)?;
         }
@@ -309,8 +287,7 @@ impl HeliostatParts {
             check_axis(jump.axis)?;
         }
         let undecided = self.undecided.len();
-        let accounts: Vec<Account> = self
-            .accounts
+        let accounts: Vec<Account> = core::mem::take(&mut self.accounts)
             .into_iter()
             .map(|account| account.account(empty, undecided))
             .collect::<Result<_, _>>()?;
@@ -321,15 +298,7 @@ impl HeliostatParts {
                 value: 0.0,
             });
         }
-        Ok(Followed {
-            id: self.id,
-            last_day: self.last_day,
-            records: self.records,
-            outliers: self.outliers,
-            jumps: self.jumps,
-            accounts,
-            undecided: self.undecided,
-        })
+        Ok(self.with(accounts))
     }
 }
 
@@ -346,6 +315,7 @@ impl AccountParts {
             log_likelihood: account.log_likelihood,
             drift: account.drift.mean,
             drift_variance: account.drift.variance,
+            unbelieved: account.drift.unbelieved,
             mean: belief.mean.clone(),
             gain: belief.gain_by_rows(),
             spread: belief.triangle(),
@@ -379,6 +349,7 @@ impl AccountParts {
         account.drift = Drift {
             mean: self.drift,
             variance: self.drift_variance,
+            unbelieved: self.unbelieved,
         };
         if !(self.matrix.is_empty() && self.vector.is_empty()) {
             check("matrix", &self.matrix, Shape::triangle(common))?;

@@ -13,15 +13,15 @@ use super::follow::FieldState;
 use super::foretell::{of_slope, shared_values};
 use super::rows::{Expansion, Rows, pole};
 use crate::aiming::encoder_angles_rad;
-use crate::error::CalibrationError;
+use crate::error::{CalibrationError, in_place};
 use crate::field::Campaign;
 use crate::observation::{Mount, Observation};
 use crate::parameters::Parameters;
 use crate::plan::{Candidate, Duty, Proposal};
 use helio_core::{EnuUnit, TargetPlane};
 
-/// A target that no cause belongs to.
-const NO_TARGET: usize = usize::MAX;
+/// A target that no cause belongs to, such as one that a followed field does not know.
+pub const NO_TARGET: usize = usize::MAX;
 
 /// A matrix, row by row, of the unknowns: own ones, then causes in common.
 struct Square {
@@ -233,11 +233,16 @@ impl Looked<'_> {
 }
 
 impl FieldState {
-    fn looked(&self, place: usize, mount: &Mount, day: f64) -> Looked<'_> {
-        let known = self.known(place, day);
+    fn looked(
+        &self,
+        place: usize,
+        mount: &Mount,
+        day: f64,
+    ) -> Result<Looked<'_>, CalibrationError> {
+        let known = self.known(place, day)?;
         let mut mount = *mount;
         mount.pose_errors = known.pose_errors;
-        Looked {
+        Ok(Looked {
             state: self,
             parameters: known.parameters(mount.mirror_offset_m),
             mount,
@@ -245,7 +250,7 @@ impl FieldState {
                 still: known.values,
                 shared: shared_values(&self.structure, &self.common),
             },
-        }
+        })
     }
 
     /// Covariance of a heliostat's own unknowns and the causes in common.
@@ -278,19 +283,20 @@ impl FieldState {
     /// time \[days since 1970\]: one standard deviation over both directions, root mean square over the suns of
     /// its duty \[mrad\]. Nothing where it can work under none of them.
     ///
-    /// # Panics
-    /// If there is no heliostat in that place.
-    #[must_use]
+    /// # Errors
+    /// [`CalibrationError::NoSuchHeliostat`] if there is no heliostat in that place.
     pub fn pointing_mrad(
         &self,
         place: usize,
         mount: &Mount,
         day: f64,
         duty: &Duty<'_>,
-    ) -> Option<f64> {
-        let duty = self.looked(place, mount, day).duty(duty)?;
-        let unknowns = self.unknowns(&self.belief_at(place, day));
-        Some(libm::sqrt(duty.trace_with(&unknowns).max(0.0)))
+    ) -> Result<Option<f64>, CalibrationError> {
+        let Some(duty) = self.looked(place, mount, day)?.duty(duty) else {
+            return Ok(None);
+        };
+        let unknowns = self.unknowns(&self.belief_at(place, day)?);
+        Ok(Some(libm::sqrt(duty.trace_with(&unknowns).max(0.0))))
     }
 
     /// Proposes the next `n` records of a heliostat, of those that could be made; fewer where candidates, or the
@@ -303,10 +309,7 @@ impl FieldState {
     ///
     /// # Errors
     /// [`CalibrationError::BadOption`] for a gap that is no number of seconds, or a duty under none of whose suns the
-    /// heliostat can work.
-    ///
-    /// # Panics
-    /// If there is no heliostat in that place.
+    /// heliostat can work; [`CalibrationError::NoSuchHeliostat`] if there is no heliostat in that place.
     pub fn plan(
         &self,
         place: usize,
@@ -316,6 +319,7 @@ impl FieldState {
         n: usize,
         min_gap_s: f64,
     ) -> Result<Vec<Proposal>, CalibrationError> {
+        let heliostat = in_place(&self.heliostats, "place", place)?;
         if !(0.0..=1e9).contains(&min_gap_s) {
             return Err(CalibrationError::BadOption {
                 what: "min_gap_s",
@@ -327,7 +331,7 @@ impl FieldState {
         let Some(first) = candidates.iter().map(|c| c.unix_ns).min() else {
             return Ok(Vec::new());
         };
-        let looked = self.looked(place, mount, first as f64 / DAY_NS);
+        let looked = self.looked(place, mount, first as f64 / DAY_NS)?;
         let mut duty = looked.duty(duty).ok_or(CalibrationError::BadOption {
             what: "number of the duty's suns under which the heliostat can work",
             wanted: "at least 1",
@@ -340,7 +344,6 @@ impl FieldState {
                 duty.values[k * duty.size + wandering] = 0.0;
             }
         }
-        let heliostat = &self.heliostats[place];
         let unknowns = self.unknowns(&heliostat.belief(&self.common));
         let rates = self.hyper().rates();
         let rows = looked.rows(
@@ -449,7 +452,7 @@ mod tests {
         let mut how = JointOptions::new(options.site.latitude_rad());
         if !causes {
             how.axis_causes.clear();
-            (how.target_shifts, how.sun_time) = (false, false);
+            how.spot_causes.clear();
         } else {
             how.least_log_evidence = f64::NEG_INFINITY;
         }
@@ -473,7 +476,8 @@ mod tests {
                 }
             })
         });
-        let parameters = state.known(place, 0.0).parameters(mount.mirror_offset_m);
+        let known = state.known(place, 0.0).unwrap();
+        let parameters = known.parameters(mount.mirror_offset_m);
         let squares: Vec<f64> = suns
             .iter()
             .filter_map(|&sun| pointing_sigma_mrad(mount, &parameters, &covariance, sun, AIM))
@@ -589,6 +593,7 @@ mod tests {
         );
         let day = from as f64 / DAY_NS;
         let pointing = state.pointing_mrad(place, &mount, day, &duty).unwrap();
+        let pointing = pointing.unwrap();
         assert!(pointing > three[0].expected_year_pointing_mrad_before);
         assert!(state.plan(place, &mount, &all, &duty, 3, f64::NAN).is_err());
         let none = Duty {

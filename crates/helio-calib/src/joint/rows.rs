@@ -6,9 +6,9 @@ use helio_core::{Enu, EnuUnit};
 
 use super::belief::{Number, REFERENCES, Shape, Tied, column};
 use super::hyper::Marks;
-use super::terms::{AxisCause, Cause, LoadedPose};
+use super::terms::{AxisCause, Cause, LoadedPose, SeenSpot};
 use crate::field::Campaign;
-use crate::model::{Pose, landing, normal, turned_back, turned_on};
+use crate::model::{Pose, dot, landing, normal, turned_back, turned_on};
 use crate::observation::{Observation, Sighting};
 use crate::parameters::{COUNT, Parameter, Parameters};
 
@@ -53,7 +53,7 @@ pub(super) struct Expansion {
 pub(super) const fn filter_unit(cause: Cause) -> f64 {
     match cause {
         Cause::Axis(_) => MILLI,
-        Cause::TargetRight(_) | Cause::TargetDown(_) | Cause::SunTime => 1.0,
+        Cause::Target(..) | Cause::Spots(_) => 1.0,
     }
 }
 
@@ -139,11 +139,6 @@ fn by_turn<T: Number>(
         -(references[0][0] * by1) - references[1][0] * by2,
         -(references[0][1] * by1) - references[1][1] * by2,
     ]
-}
-
-#[inline(always)]
-fn dot<T: Number>(a: [T; 3], b: [T; 3]) -> T {
-    a[2].mul_add(b[2], a[1].mul_add(b[1], a[0] * b[0]))
 }
 
 /// The numbers of a linearised record (see [`column`]) but for time and noise, and three numbers that are positive
@@ -247,14 +242,19 @@ pub(super) fn linearise<T: Number>(
     for k in 0..3 {
         moved[k] = land.beam_m * (moved[k] - slip * beam[k]);
     }
-    let path = times(across, [dot(right, moved), dot(down, moved)]);
+    let spot = SeenSpot {
+        sun_path_m_s: [dot(right, moved), dot(down, moved)],
+    };
+    let path = times(across, spot.sun_path_m_s);
     for (k, &cause) in structure.shared.iter().enumerate() {
         // Of the causes the formula knows those alone that turn axes: the others add to what it predicts.
         let (slope, scaled) = match cause {
             Cause::Axis(cause) => (by_turn(cause, &loaded, &references), shared[k] * milli),
-            Cause::TargetRight(of) => (times(across, [target.is(of as f64), zero]), zero),
-            Cause::TargetDown(of) => (times(across, [zero, target.is(of as f64)]), zero),
-            Cause::SunTime => (path, zero),
+            Cause::Target(cause, of) => {
+                let is_it = target.is(of as f64);
+                (times(across, cause.moves(&spot).map(|m| is_it * m)), zero)
+            }
+            Cause::Spots(cause) => (times(across, cause.moves(&spot)), zero),
         };
         put(&mut by_cause[2 * k..2 * k + 2], &mut seen, slope, scaled);
     }

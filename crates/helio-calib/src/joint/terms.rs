@@ -76,6 +76,13 @@ macro_rules! axis_causes {
                 }
             }
 
+            /// That of a [name](Description::name).
+            #[must_use]
+            pub fn named(name: &str) -> Option<Self> {
+                let mut all = Self::ALL.iter().copied();
+                all.find(|cause| cause.description().name == name)
+            }
+
             /// By how much gamma and alpha turn in a pose, per radian of its value.
             #[inline(always)]
             pub(super) fn turn<T: Real>(self, pose: &LoadedPose<T>) -> [T; 2] {
@@ -121,17 +128,89 @@ axis_causes! {
     } |pose| [T::splat(0.0), pose.axis2[1]];
 }
 
+/// A record's spot as the causes that move it see it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SeenSpot<T> {
+    /// How fast the spot runs over the target, right and down, while the sun goes its way \[m/s\].
+    pub sun_path_m_s: [T; 2],
+}
+
+/// Each cause that moves spots and turns nothing is one entry: what is said of it, and by how much it moves a spot
+/// right and down on the target \[m\] for each unit of its value, linearly. Of those of a target every target has
+/// its own value.
+macro_rules! spot_causes {
+    ($($(#[$doc:meta])* $name:ident { $($field:ident: $value:expr),+ $(,)? } |$spot:ident| $moves:expr;)+) => {
+        /// A cause that moves spots on the target.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        pub enum SpotCause {
+            $($(#[$doc])* $name,)+
+        }
+
+        impl SpotCause {
+            /// All of them.
+            pub const ALL: &'static [Self] = &[$(Self::$name),+];
+
+            /// What is said of it.
+            #[must_use]
+            pub const fn description(self) -> Description {
+                match self {
+                    $(Self::$name => Description { $($field: $value),+ },)+
+                }
+            }
+
+            /// By how much it moves a spot right and down \[m\], per unit of its value.
+            #[inline(always)]
+            pub(super) fn moves<T: Real>(self, spot: &SeenSpot<T>) -> [T; 2] {
+                match self {
+                    $(Self::$name => {
+                        let $spot = spot;
+                        $moves
+                    })+
+                }
+            }
+        }
+    };
+}
+
+spot_causes! {
+    /// Every spot on a target lies farther right by this than where the target was surveyed says.
+    TargetRight {
+        name: "target_right_m",
+        in_words: "shift of the target to the right",
+        unit: "m",
+        scope: Scope::Target,
+        expected: 0.03,
+        expected_spread: 0.0,
+    } |_spot| [T::splat(1.0), T::splat(0.0)];
+    /// The same, down.
+    TargetDown {
+        name: "target_down_m",
+        in_words: "shift of the target downward",
+        unit: "m",
+        scope: Scope::Target,
+        expected: 0.03,
+        expected_spread: 0.0,
+    } |_spot| [T::splat(0.0), T::splat(1.0)];
+    /// The sun is where it will be this much later than the record says.
+    SunTime {
+        name: "sun_time_s",
+        in_words: "sun ahead of its recorded time",
+        unit: "s",
+        scope: Scope::Field,
+        expected: 10.0,
+        expected_spread: 0.0,
+    } |spot| spot.sun_path_m_s;
+}
+
 /// A cause of any kind, as reports name it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Cause {
     /// Turns mirrors about their axes.
     Axis(AxisCause),
-    /// Every spot on this target lies farther right by this than where the target was surveyed says.
-    TargetRight(usize),
-    /// The same, down.
-    TargetDown(usize),
-    /// The sun is where it will be this much later than the record says.
-    SunTime,
+    /// Moves the spots on this target.
+    Target(SpotCause, usize),
+    /// Moves all spots.
+    Spots(SpotCause),
 }
 
 impl Cause {
@@ -140,29 +219,35 @@ impl Cause {
     pub const fn description(self) -> Description {
         match self {
             Self::Axis(cause) => cause.description(),
-            Self::TargetRight(_) => {
-                target_shift("target_right_m", "shift of the target to the right")
-            }
-            Self::TargetDown(_) => target_shift("target_down_m", "shift of the target downward"),
-            Self::SunTime => Description {
-                name: "sun_time_s",
-                in_words: "sun ahead of its recorded time",
-                unit: "s",
-                scope: Scope::Field,
-                expected: 10.0,
-                expected_spread: 0.0,
-            },
+            Self::Target(cause, _) | Self::Spots(cause) => cause.description(),
         }
+    }
+
+    /// The target whose spots it moves, where it moves those of one.
+    #[must_use]
+    pub const fn target(self) -> Option<usize> {
+        match self {
+            Self::Target(_, target) => Some(target),
+            Self::Axis(_) | Self::Spots(_) => None,
+        }
+    }
+
+    /// The one of that name ([`Description::name`]); of this target where it is one of a target.
+    #[must_use]
+    pub fn named(name: &str, target: Option<usize>) -> Option<Self> {
+        let mut of_spots = SpotCause::ALL.iter().filter_map(|&cause| cause.of(target));
+        AxisCause::named(name)
+            .map(Self::Axis)
+            .or_else(|| of_spots.find(|cause| cause.description().name == name))
     }
 }
 
-const fn target_shift(name: &'static str, in_words: &'static str) -> Description {
-    Description {
-        name,
-        in_words,
-        unit: "m",
-        scope: Scope::Target,
-        expected: 0.03,
-        expected_spread: 0.0,
+impl SpotCause {
+    /// Of a target where it is a cause of targets.
+    pub(super) fn of(self, target: Option<usize>) -> Option<Cause> {
+        match self.description().scope {
+            Scope::Target => Some(Cause::Target(self, target?)),
+            Scope::Field | Scope::Heliostat => Some(Cause::Spots(self)),
+        }
     }
 }

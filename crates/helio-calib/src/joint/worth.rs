@@ -113,7 +113,7 @@ impl JointFit {
     }
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
@@ -152,7 +152,7 @@ fn orthonormal<'a>(columns: impl Iterator<Item = &'a Vec<f64>>) -> Vec<Vec<f64>>
 #[cfg(test)]
 mod tests {
     use super::super::simulate::{FieldCauses, FieldOptions, SimulatedField, simulate_field};
-    use super::super::{AxisCause, Cause, JointOptions, Noise, Wander, fit_joint};
+    use super::super::{AxisCause, Cause, JointOptions, Noise, SpotCause, Wander, fit_joint};
     use super::*;
     use crate::{FitOptions, Mount, Observation, Parameters, ResidualForm, fit, measures};
     use helio_core::sun::{SunSite, position};
@@ -316,7 +316,7 @@ mod tests {
             sun_time_s: 20.0,
             ..FieldCauses::default()
         });
-        let (field, worth, late_s) = worth_of(&options, Cause::SunTime);
+        let (field, worth, late_s) = worth_of(&options, Cause::Spots(SpotCause::SunTime));
         let site: SunSite = options.site;
         let turned = apart(&field, |mount, o| {
             let at = o.unix_ns.unwrap() + (late_s * 1e9) as i64;
@@ -329,7 +329,7 @@ mod tests {
             target_shift_m: vec![[0.0; 2], [0.08, 0.0], [0.0; 2]],
             ..FieldCauses::default()
         });
-        let (field, worth, right_m) = worth_of(&options, Cause::TargetRight(1));
+        let (field, worth, right_m) = worth_of(&options, Cause::Target(SpotCause::TargetRight, 1));
         let turned = apart(&field, |mount, o| {
             let mut o = *o;
             o.u_m -= if o.target == 1 { right_m } else { 0.0 };

@@ -6,6 +6,7 @@ use faer::{Mat, Side};
 use super::JointFit;
 use super::belief::{REFERENCES, Rates, at, column};
 use super::rows::MILLI;
+use crate::error::{CalibrationError, in_place};
 use crate::field::Campaign;
 
 /// Records that zero points are found from at most, evenly chosen: time goes with the cube of their number.
@@ -55,10 +56,18 @@ impl JointFit {
     /// [`history`](Self::history) knows at each record only those before it, and so shows how angles are learnt
     /// rather than how zero points move.
     ///
-    /// # Panics
-    /// If there is no heliostat `k`.
-    #[must_use]
-    pub fn zero_points(&self, k: usize, campaign: &Campaign<'_>) -> Option<Vec<ZeroPoint>> {
+    /// # Errors
+    /// [`CalibrationError::NoSuchHeliostat`] if there is no heliostat `k`.
+    pub fn zero_points(
+        &self,
+        k: usize,
+        campaign: &Campaign<'_>,
+    ) -> Result<Option<Vec<ZeroPoint>>, CalibrationError> {
+        in_place(&self.heliostats, "k", k)?;
+        Ok(self.smoothed(k, campaign))
+    }
+
+    fn smoothed(&self, k: usize, campaign: &Campaign<'_>) -> Option<Vec<ZeroPoint>> {
         let shape = self.structure.shape();
         let still = shape.still;
         let (rows, marks) = self.marked(k, campaign);
@@ -186,8 +195,7 @@ mod tests {
         let campaigns = field.first(options.records);
         let how = JointOptions {
             axis_causes: Vec::new(),
-            target_shifts: false,
-            sun_time: false,
+            spot_causes: Vec::new(),
             ..JointOptions::new(options.site.latitude_rad())
         };
         let fit = fit_joint(&campaigns, &how).unwrap();
@@ -213,8 +221,8 @@ mod tests {
                 continue;
             }
             jumps += happened.len();
-            let history = fit.history(k, campaign);
-            let zeros = fit.zero_points(k, campaign).unwrap();
+            let history = fit.history(k, campaign).unwrap();
+            let zeros = fit.zero_points(k, campaign).unwrap().unwrap();
             assert_eq!(zeros.len(), options.records);
             for (zero, then) in zeros.iter().zip(&history) {
                 assert_eq!(zero.observation, then.observation);

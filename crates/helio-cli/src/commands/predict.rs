@@ -188,6 +188,7 @@ struct Predictor<'a> {
 impl<'a> Predictor<'a> {
     fn new(loaded: &'a LoadedField, options: TrackOptions) -> Result<Self, Failure> {
         let n = loaded.field.len();
+        let planes: Result<_, _> = (0..n).map(|row| loaded.plane_for(row)).collect();
         let changing = match &loaded.schedule {
             Some(_) => Some((loaded.field.clone(), latitude_rad(loaded)?)),
             None => None,
@@ -198,7 +199,7 @@ impl<'a> Predictor<'a> {
             tracker: Tracker::new(&loaded.field, OffsetForm::Exact)?,
             changing,
             options,
-            planes: (0..n).map(|row| loaded.plane_for(row)).collect(),
+            planes: planes?,
             seen: vec![usize::MAX; n],
             axis1_rad: vec![f64::NAN; n],
             axis2_rad: vec![f64::NAN; n],

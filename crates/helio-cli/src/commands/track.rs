@@ -562,7 +562,8 @@ impl Verified {
     ) -> Result<Vec<f64>, Failure> {
         let n = loaded.field.len();
         if self.planes.is_empty() {
-            self.planes = (0..n).map(|row| loaded.plane_for(row)).collect();
+            let planes: Result<_, _> = (0..n).map(|row| loaded.plane_for(row)).collect();
+            self.planes = planes?;
         }
         let [mut axis1_rad, mut axis2_rad] = [0, 1].map(|axis| {
             let angles = [answers.axis1_rad, answers.axis2_rad][axis];

@@ -8,6 +8,7 @@ use helio_core::angle::{radians, wrap_pi};
 use helio_core::error::FieldError;
 use helio_core::{Field, Heliostat, MountErrors, PoseErrors};
 
+use super::in_row;
 use super::layout::shown;
 use crate::calibrated::{CalibratedSet, pose_errors_over};
 use crate::error::{IoError, Place, Problem, quoted};
@@ -218,12 +219,26 @@ impl CalibrationSchedule {
     /// A heliostat as calibrated for a time \[ns of Unix time\] and hour angle of the sun \[rad\], west
     /// positive.
     ///
-    /// # Panics
-    /// If `row` is not in the field.
-    #[must_use]
-    pub fn heliostat_at(&self, row: usize, unix_ns: Option<i64>, hour_angle_rad: f64) -> Heliostat {
-        let base = self.base[row];
-        match self.holding(row, unix_ns, hour_angle_rad) {
+    /// # Errors
+    /// [`FieldError::NoSuchRow`] if `row` is not in the field.
+    pub fn heliostat_at(
+        &self,
+        row: usize,
+        unix_ns: Option<i64>,
+        hour_angle_rad: f64,
+    ) -> Result<Heliostat, FieldError> {
+        let of = in_row(&self.of_row, row)?;
+        Ok(self.told(self.base[row], of, unix_ns, hour_angle_rad))
+    }
+
+    fn told(
+        &self,
+        base: Heliostat,
+        of: &Range<usize>,
+        unix_ns: Option<i64>,
+        hour_angle_rad: f64,
+    ) -> Heliostat {
+        match self.holding(of, unix_ns, hour_angle_rad) {
             None => base,
             Some((here, None)) => here.apply(base),
             Some((here, Some((there, weight)))) => here.blend(there, weight, base),
@@ -233,23 +248,29 @@ impl CalibrationSchedule {
     /// The name of the set that holds at a time and hour angle, as [`heliostat_at`](Self::heliostat_at);
     /// where two blend, of the one with the greater share. `None` where none is valid.
     ///
-    /// # Panics
-    /// If `row` is not in the field.
-    #[must_use]
-    pub fn set_at(&self, row: usize, unix_ns: Option<i64>, hour_angle_rad: f64) -> Option<&str> {
-        let (here, next) = self.holding(row, unix_ns, hour_angle_rad)?;
-        let greater = next.filter(|(_, weight)| *weight > 0.5);
-        Some(&greater.map_or(here, |(there, _)| there).name)
-    }
-
-    /// The set that holds, and the one it is passing into with that one's share.
-    fn holding(
+    /// # Errors
+    /// [`FieldError::NoSuchRow`] if `row` is not in the field.
+    pub fn set_at(
         &self,
         row: usize,
         unix_ns: Option<i64>,
         hour_angle_rad: f64,
+    ) -> Result<Option<&str>, FieldError> {
+        let holding = self.holding(in_row(&self.of_row, row)?, unix_ns, hour_angle_rad);
+        Ok(holding.map(|(here, next)| {
+            let greater = next.filter(|(_, weight)| *weight > 0.5);
+            greater.map_or(here, |(there, _)| there).name.as_str()
+        }))
+    }
+
+    /// The set of some that holds, and the one it is passing into with that one's share.
+    fn holding(
+        &self,
+        of: &Range<usize>,
+        unix_ns: Option<i64>,
+        hour_angle_rad: f64,
     ) -> Option<(&Set, Option<(&Set, f64)>)> {
-        let sets = &self.sets[self.of_row[row].clone()];
+        let sets = &self.sets[of.clone()];
         // Without a time, the last instant of the last span.
         let last = || {
             sets.iter()
@@ -293,10 +314,8 @@ impl CalibrationSchedule {
     /// Brings a field up to date; true if anything changed, so that a tracker must be made anew.
     ///
     /// # Errors
-    /// [`FieldError`] as for [`Field::replace`].
-    ///
-    /// # Panics
-    /// If the field has fewer rows than the one this schedule was loaded with.
+    /// [`FieldError`] as for [`Field::replace`], so also if the field has fewer rows than the one this schedule was
+    /// loaded with.
     pub fn update(
         &self,
         field: &mut Field,
@@ -305,8 +324,8 @@ impl CalibrationSchedule {
     ) -> Result<bool, FieldError> {
         let mut changed = false;
         for &row in &self.varying {
-            let heliostat = self.heliostat_at(row, unix_ns, hour_angle_rad);
-            if field.heliostats()[row] != heliostat {
+            let heliostat = self.heliostat_at(row, unix_ns, hour_angle_rad)?;
+            if field.heliostats().get(row) != Some(&heliostat) {
                 field.replace(row, heliostat)?;
                 changed = true;
             }
@@ -415,8 +434,9 @@ fn schedule(
     warnings: Vec<String>,
 ) -> Calibrated {
     let schedule = arranged(found, base, blend_rad);
-    let heliostats = (0..schedule.base.len())
-        .map(|row| schedule.heliostat_at(row, None, 0.0))
+    let each = schedule.base.iter().zip(&schedule.of_row);
+    let heliostats = each
+        .map(|(base, of)| schedule.told(*base, of, None, 0.0))
         .collect();
     let schedule = (!schedule.varying.is_empty()).then_some(schedule);
     Calibrated {
@@ -639,7 +659,9 @@ mod tests {
             set("am", (-180.0, 0.0), ALWAYS, 0.001),
         ]);
         let skew = |hour_deg: f64| {
-            let heliostat = schedule.heliostat_at(0, Some(0), radians(hour_deg));
+            let heliostat = schedule
+                .heliostat_at(0, Some(0), radians(hour_deg))
+                .unwrap();
             heliostat.errors.axis_nonorthogonality_rad
         };
         for (hour_deg, wanted) in [
@@ -674,7 +696,7 @@ mod tests {
                 set("c", hours[2], ALWAYS, 0.002),
             ]);
             let skew = |hour_deg: f64| {
-                let heliostat = schedule.heliostat_at(0, None, radians(hour_deg));
+                let heliostat = schedule.heliostat_at(0, None, radians(hour_deg)).unwrap();
                 heliostat.errors.axis_nonorthogonality_rad
             };
             let mut last = skew(-179.0);
@@ -715,15 +737,15 @@ mod tests {
         for (hour_deg, name) in [(-90.0, "am"), (-1.0, "am"), (1.0, "pm"), (90.0, "pm")] {
             let hour = radians(hour_deg);
             assert_eq!(
-                schedule.heliostat_at(0, None, hour),
-                read.heliostat_at(0, None, hour)
+                schedule.heliostat_at(0, None, hour).unwrap(),
+                read.heliostat_at(0, None, hour).unwrap()
             );
-            assert_eq!(schedule.set_at(0, None, hour), Some(name));
+            assert_eq!(schedule.set_at(0, None, hour).unwrap(), Some(name));
         }
         assert_eq!(
             (
-                schedule.set_at(1, None, 0.0),
-                schedule.heliostat_at(1, None, 0.0)
+                schedule.set_at(1, None, 0.0).unwrap(),
+                schedule.heliostat_at(1, None, 0.0).unwrap()
             ),
             (None, base)
         );
@@ -736,7 +758,7 @@ mod tests {
         am.errors.azimuth_reference_rad = radians(179.0);
         let mut pm = set("pm", (0.0, 180.0), ALWAYS, 0.0);
         pm.errors.azimuth_reference_rad = radians(-179.0);
-        let errors = of(vec![am, pm]).heliostat_at(0, None, 0.0).errors;
+        let errors = of(vec![am, pm]).heliostat_at(0, None, 0.0).unwrap().errors;
         assert!((errors.pedestal_tilt_rad - 0.001).abs() < 1e-15);
         assert!((errors.pedestal_tilt_azimuth_rad - 1.0).abs() < 1e-12);
         assert!((errors.azimuth_reference_rad - radians(180.0)).abs() < 1e-12);
@@ -748,7 +770,13 @@ mod tests {
             set("old", (-180.0, 180.0), 10..20, 0.001),
             set("new", (-180.0, 180.0), 20..30, 0.002),
         ]);
-        let tilt = |time| schedule.heliostat_at(0, time, 0.0).errors.pedestal_tilt_rad;
+        let tilt = |time| {
+            schedule
+                .heliostat_at(0, time, 0.0)
+                .unwrap()
+                .errors
+                .pedestal_tilt_rad
+        };
         assert_eq!(tilt(Some(9)), 0.0);
         assert_eq!(tilt(Some(10)), 0.001);
         assert_eq!(tilt(Some(19)), 0.001);
@@ -785,10 +813,13 @@ mod tests {
         ]);
         let mut field = Field::new(helio_core::TrackingMode::AzimuthElevation);
         field
-            .push("A", schedule.heliostat_at(0, None, -1.0))
+            .push("A", schedule.heliostat_at(0, None, -1.0).unwrap())
             .unwrap();
         assert!(!schedule.update(&mut field, None, -0.5).unwrap());
         assert!(schedule.update(&mut field, None, 0.0).unwrap());
-        assert_eq!(field.heliostats()[0], schedule.heliostat_at(0, None, 0.0));
+        assert_eq!(
+            field.heliostats()[0],
+            schedule.heliostat_at(0, None, 0.0).unwrap()
+        );
     }
 }

@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 
 use helio_core::angle::radians;
 use helio_core::drive::Drive;
+use helio_core::error::FieldError;
 use helio_core::{AxisLimits, Enu, EnuUnit, Field, Heliostat, TargetPlane, TrackingMode};
 
 pub(crate) use calibration::ignored as ignored_in_calibrations;
@@ -104,15 +105,12 @@ impl ObservationColumns {
 impl LoadedField {
     /// Name and target that a heliostat aims at; `None` if it aims at a point of its own.
     ///
-    /// # Panics
-    /// If `row` is not in the field.
-    #[must_use]
-    pub fn target(&self, row: usize) -> Option<(&str, &Target)> {
-        let number = self.target_of[row]?;
-        self.targets
-            .iter()
-            .nth(number)
-            .map(|(name, target)| (name.as_str(), target))
+    /// # Errors
+    /// [`FieldError::NoSuchRow`] if `row` is not in the field.
+    pub fn target(&self, row: usize) -> Result<Option<(&str, &Target)>, FieldError> {
+        let number = in_row(&self.target_of, row)?;
+        let target = number.and_then(|number| self.targets.iter().nth(number));
+        Ok(target.map(|(name, target)| (name.as_str(), target)))
     }
 
     /// The plane on which a heliostat's beam is looked at: its target's, or, if it aims at a mere
@@ -121,18 +119,18 @@ impl LoadedField {
     /// A heliostat whose aim is its own pivot gets a level plane; its rows have status
     /// `aim_at_pivot` in any case.
     ///
-    /// # Panics
-    /// If `row` is not in the field.
-    #[must_use]
-    pub fn plane_for(&self, row: usize) -> TargetPlane {
-        let heliostat = &self.field.heliostats()[row];
-        match self.target(row).and_then(|(_, target)| target.area) {
+    /// # Errors
+    /// [`FieldError::NoSuchRow`] if `row` is not in the field.
+    pub fn plane_for(&self, row: usize) -> Result<TargetPlane, FieldError> {
+        let heliostat = in_row(self.field.heliostats(), row)?;
+        let area = self.target(row)?.and_then(|(_, target)| target.area);
+        Ok(match area {
             Some(area) => area.plane,
             None => {
                 let toward_field = EnuUnit::try_new(heliostat.pivot - heliostat.aim);
                 TargetPlane::level(heliostat.aim, toward_field.unwrap_or(EnuUnit::UP))
             }
-        }
+        })
     }
 
     /// True if any axis has a drive.
@@ -140,6 +138,12 @@ impl LoadedField {
     pub fn has_drives(&self) -> bool {
         self.drives.iter().flatten().any(Option::is_some)
     }
+}
+
+/// What stands in a row.
+fn in_row<T>(all: &[T], row: usize) -> Result<&T, FieldError> {
+    let count = all.len();
+    all.get(row).ok_or(FieldError::NoSuchRow { row, count })
 }
 
 /// Reads `field.toml` and the tables it names, relative to its own folder.
@@ -171,7 +175,7 @@ impl LoadedField {
 /// let loaded = helio_io::load_field(&path)?;
 /// assert_eq!(loaded.field.ids(), ["A1"]);
 /// assert_eq!(loaded.field.heliostats()[0].mirror_offset_m, 0.2);
-/// assert_eq!(loaded.target(0).unwrap().0, "receiver");
+/// assert_eq!(loaded.target(0)?.unwrap().0, "receiver");
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn load_field(path: &Path) -> Result<LoadedField, IoError> {

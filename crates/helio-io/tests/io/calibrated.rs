@@ -137,7 +137,7 @@ fn epochs_hours_and_failures_are_read_back() {
     assert_eq!(loaded.warnings.len(), 1, "{:?}", loaded.warnings);
     assert!(loaded.warnings[0].contains("a row without any numbers for 1 of 3"));
     let schedule = loaded.schedule.unwrap();
-    let at = |row, time, hour: f64| bits(&schedule.heliostat_at(row, time, hour).errors);
+    let at = |row, time, hour: f64| bits(&schedule.heliostat_at(row, time, hour).unwrap().errors);
     let of = |set: &CalibratedSet| bits(set.errors.as_ref().unwrap());
     assert_eq!(at(0, Some(day_ns - 1), 1.0), of(&sets[0]));
     assert_eq!(at(0, Some(day_ns), 1.0), of(&sets[1]));

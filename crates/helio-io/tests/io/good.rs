@@ -32,7 +32,7 @@ fn the_plain_field() {
     assert_eq!(heliostat.aim, Enu::new(0.0, 0.0, 100.0));
     assert_eq!(heliostat.mirror_offset_m, 0.2);
     assert!(heliostat.limits.is_none());
-    assert_eq!(loaded.target(2).unwrap().0, "receiver");
+    assert_eq!(loaded.target(2).unwrap().unwrap().0, "receiver");
     assert!(!loaded.has_drives());
     assert!(loaded.schedule.is_none() && loaded.warnings.is_empty());
     assert_eq!(loaded.files.len(), 2);
@@ -45,19 +45,19 @@ fn a_point_gets_a_plane_square_to_the_line_to_it() {
         .with("layout.csv", layout)
         .load()
         .unwrap();
-    let plane = loaded.plane_for(0);
+    let plane = loaded.plane_for(0).unwrap();
     assert_eq!(plane.centre, Enu::new(0.0, 0.0, 100.0));
     assert_eq!(plane.normal.as_enu(), Enu::new(0.0, 1.0, 0.0));
     assert_eq!(plane.right.as_enu().up, 0.0);
     let white = loaded.targets["white"].area.unwrap();
-    assert_eq!(loaded.plane_for(1), white.plane);
+    assert_eq!(loaded.plane_for(1).unwrap(), white.plane);
     assert_eq!((white.width_m, white.height_m), (8.0, 6.0));
     let at_pivot = "id,east_m,north_m,up_m\nA1,0,0,100\n";
     let loaded = Folder::of_field()
         .with("layout.csv", at_pivot)
         .load()
         .unwrap();
-    assert_eq!(loaded.plane_for(0).normal, helio_core::EnuUnit::UP);
+    assert_eq!(loaded.plane_for(0).unwrap().normal, helio_core::EnuUnit::UP);
 }
 
 #[test]
@@ -138,9 +138,9 @@ fn columns_override_defaults_and_empty_cells_do_not() {
         .map(|h| h.mirror_offset_m)
         .collect();
     assert_eq!(offsets, [0.2, 0.5, 0.2]);
-    assert_eq!(loaded.target(0).unwrap().0, "receiver");
-    assert_eq!(loaded.target(1).unwrap().0, "white");
-    assert!(loaded.target(2).is_none());
+    assert_eq!(loaded.target(0).unwrap().unwrap().0, "receiver");
+    assert_eq!(loaded.target(1).unwrap().unwrap().0, "white");
+    assert!(loaded.target(2).unwrap().is_none());
     assert_eq!(loaded.field.heliostats()[2].aim, Enu::new(7.0, 8.0, 9.0));
 }
 
@@ -378,6 +378,7 @@ fn sets_by_hour_and_date_make_a_schedule() {
     let tilt = |row, time, hour_deg: f64| {
         schedule
             .heliostat_at(row, time, radians(hour_deg))
+            .unwrap()
             .errors
             .mirror_tilt_rad
     };
@@ -413,6 +414,7 @@ fn calibrations_in_parquet_with_real_times() {
     let at = |ns| {
         schedule
             .heliostat_at(0, Some(ns), 0.0)
+            .unwrap()
             .errors
             .azimuth_reference_rad
     };

@@ -4,7 +4,9 @@ use std::fmt::Write as _;
 use std::sync::Arc;
 
 use arrow::array::{ArrayRef, TimestampNanosecondArray};
+use helio_core::Field;
 use helio_core::angle::{degrees, radians};
+use helio_core::error::FieldError;
 use helio_io::{IoError, LeftAsideReason, Observations, load_observations};
 
 use crate::files::{FIELD, Folder, floats, texts};
@@ -43,7 +45,7 @@ fn a_table_is_understood() {
     assert_eq!(rows, [0, 1]);
     let a1 = &observed.heliostats[0];
     assert_eq!(a1.records, [0, 2]);
-    assert_eq!(observed.position(a1.records[1]), "line 4");
+    assert_eq!(observed.position(a1.records[1]).unwrap(), "line 4");
     let first = &a1.observations[0];
     assert_eq!(
         (first.axis1_rad, first.axis2_rad),
@@ -129,7 +131,7 @@ fn every_spelling_says_the_same() {
         ],
     );
     let observed = load(&folder).unwrap();
-    assert_eq!(observed.position(2), "row 3");
+    assert_eq!(observed.position(2).unwrap(), "row 3");
     assert_eq!(
         observed.heliostats[0].observations[1].sun,
         expected.heliostats[0].observations[1].sun
@@ -239,6 +241,40 @@ fn records_without_use_are_listed_and_nothing_is_lost() {
     assert_eq!(observed.record_id(4), Some("11"));
     assert_eq!(observed.warnings.len(), 3);
     assert_eq!(observed.len() + observed.left_aside.len(), observed.records);
+}
+
+#[test]
+fn records_of_a_time_still_to_come_are_left_aside() {
+    let table = "id,time,axis1_deg,axis2_deg,target,u_m,v_m\n\
+                 A1,2026-06-21T06:00:00Z,1,2,white,0.5,0.5\n\
+                 A1,2226-06-21T06:00:00Z,1,2,white,0.5,0.5\n\
+                 A1,2026-06-21T20:00:00Z,1,2,white,0.5,0.5\n\
+                 A1,2026-06-21T07:00:00Z,1,2,white,0.5,0.5\n";
+    let mut observed = load(&seen(table)).unwrap();
+    let time = |record: usize| observed.heliostats[0].observations[record].unix_ns.unwrap();
+    let (morning, later) = (time(0), time(2));
+    // made at that very time is not after it
+    assert_eq!(observed.leave_aside_after(later).unwrap(), 1);
+    assert_eq!(observed.leave_aside_after(later).unwrap(), 0);
+    let why: Vec<_> = observed
+        .left_aside
+        .iter()
+        .map(|aside| (aside.record, aside.reason))
+        .collect();
+    assert_eq!(
+        why,
+        [
+            (1, LeftAsideReason::InFuture),
+            (2, LeftAsideReason::SunBelowHorizon),
+        ]
+    );
+    assert_eq!(observed.heliostats[0].records, [0, 3]);
+    assert_eq!(observed.warnings.len(), 2);
+    let said = &observed.warnings[1];
+    assert!(said.contains("left aside: 1 (first: line 3)"), "{said}");
+    assert_eq!(observed.len() + observed.left_aside.len(), observed.records);
+    assert_eq!(observed.leave_aside_after(morning - 1).unwrap(), 2);
+    assert!(observed.is_empty());
 }
 
 #[test]
@@ -443,4 +479,57 @@ fn suns_counted_from_south_are_recognised() {
         westward.contains("from south toward west: 180 + it"),
         "{westward}"
     );
+}
+
+#[test]
+fn places_beyond_the_end_are_refused() {
+    let sets = "id,mirror_tilt_deg,hour_angle_from_deg,hour_angle_to_deg\nA1,0.1,,0\nA3,0.3,0,\n";
+    let folder = seen(SEEN)
+        .with("cal.csv", sets)
+        .edited(&[], "calibration = \"cal.csv\"\n");
+    let loaded = folder.load().unwrap();
+    let schedule = loaded.schedule.as_ref().unwrap();
+    let mut shorter = Field::new(loaded.field.mode());
+    let first = loaded.field.heliostats()[0];
+    shorter.push("A1", first).unwrap();
+    let error = schedule.update(&mut shorter, None, 0.0).unwrap_err();
+    assert_eq!(error, FieldError::NoSuchRow { row: 2, count: 1 });
+    for row in [3, usize::MAX] {
+        for refused in [
+            loaded.target(row).map(|_| ()),
+            loaded.plane_for(row).map(|_| ()),
+            schedule.heliostat_at(row, None, 0.0).map(|_| ()),
+            schedule.set_at(row, None, 0.0).map(|_| ()),
+        ] {
+            assert_eq!(
+                refused.unwrap_err().to_string(),
+                format!("row must be below 3, the number of heliostats, got {row}")
+            );
+        }
+    }
+    let columns = vec![
+        ("heliostat_id", texts(&["A1"; 3])),
+        ("sun_azimuth_deg", floats(&[150.0, 151.0, 152.0])),
+        ("sun_elevation_deg", floats(&[40.0; 3])),
+        ("axis1_deg", floats(&[170.5; 3])),
+        ("axis2_deg", floats(&[40.25; 3])),
+        ("target", texts(&["white"; 3])),
+        ("u_m", floats(&[0.5; 3])),
+        ("v_m", floats(&[0.2; 3])),
+    ];
+    let parquet = Folder::of_field().with_parquet("seen.csv", columns);
+    for (folder, last) in [(folder, "line 4"), (parquet, "row 3")] {
+        let observed = load(&folder).unwrap();
+        assert_eq!(observed.position(2).unwrap(), last);
+        for refused in [
+            observed.position(3).map(|_| ()),
+            observed.line(3).map(|_| ()),
+        ] {
+            assert_eq!(
+                folder.redact(&refused.unwrap_err()),
+                "DIR/seen.csv: record must lie in 0..=2, found 3"
+            );
+        }
+        assert!(observed.line(usize::MAX).is_err());
+    }
 }

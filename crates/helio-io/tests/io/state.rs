@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use helio_calib::Mount;
 use helio_calib::joint::{
-    AccountParts, Alarm, AxisCause, Cause, HeliostatParts, JumpSeen, Mishaps, Noise, StateParts,
-    Wander,
+    AccountParts, Alarm, AxisCause, Cause, HeliostatParts, JumpSeen, Mishaps, Noise, SpotCause,
+    StateParts, Wander,
 };
 use helio_io::output::{Cells, Destination, Format, write_columns};
 use helio_io::{KeptMount, LoadedField, StateFile, load_field, read_state, write_state};
@@ -57,6 +57,7 @@ fn account(seed: u64, doubted: bool) -> AccountParts {
         log_likelihood: -0.1 * seed as f64,
         drift: [0.1 * seed as f64, -0.2],
         drift_variance: 0.3,
+        unbelieved: 2,
         mean: odd(seed, 11),
         gain: odd(seed + 1, 154),
         spread: odd(seed + 2, 66),
@@ -91,6 +92,7 @@ fn state(loaded: &LoadedField) -> StateFile {
             last_day: (k != 1).then_some(20_454.123_456_789 + k as f64),
             records: 12 + k as u64,
             outliers: k as u64,
+            jump_count: 2 + k as u64,
             jumps: vec![
                 JumpSeen {
                     day: 1.0 / 3.0,
@@ -129,9 +131,9 @@ fn state(loaded: &LoadedField) -> StateFile {
             shared: vec![
                 Cause::Axis(AxisCause::Axis1Sag),
                 Cause::Axis(AxisCause::Axis2Sag),
-                Cause::TargetRight(0),
-                Cause::TargetDown(0),
-                Cause::SunTime,
+                Cause::Target(SpotCause::TargetRight, 0),
+                Cause::Target(SpotCause::TargetDown, 0),
+                Cause::Spots(SpotCause::SunTime),
             ],
             prior_sigma: odd(1, 14),
             spread: odd(2, 28),

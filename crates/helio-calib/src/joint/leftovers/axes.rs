@@ -1,6 +1,7 @@
 //! By how much what is known of a mount turns its axes' readings, in a pose.
 
 use crate::joint::terms::{AxisCause, LoadedPose};
+use crate::measures::dot;
 use crate::model::{Pose, normal, turned_back};
 use crate::observation::{Mount, Sighting};
 use crate::parameters::{Parameter, Parameters};
@@ -34,7 +35,6 @@ pub(super) fn readings_by(
     let slopes = normal(&Pose::of(parameters), &sighting).slopes;
     let first = slopes[Parameter::AzimuthReference as usize];
     let second = slopes[Parameter::ElevationReference as usize];
-    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     // Gram and Schmidt, the second axis first: the first has no lever where the mirror looks along it
     let square2 = dot(second, second);
     let mixed = dot(first, second) / square2;

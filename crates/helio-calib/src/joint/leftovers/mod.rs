@@ -20,9 +20,11 @@ use super::belief::{Belief, REFERENCES, Room, Shape, Told, WANDERING, at, column
 use super::common::{Common, Sum};
 use super::foretell::{Foretold, foretold};
 use super::hyper::waited;
+use super::parts::{demand, finite, positive};
 use super::rows::{ANGLES, MILLI, Rows};
 use super::terms::{AxisCause, Cause};
-use crate::error::CalibrationError;
+use super::worth::dot;
+use crate::error::{CalibrationError, in_place};
 use crate::field::Campaign;
 use crate::observation::Mount;
 use crate::parameters::Parameters;
@@ -72,26 +74,22 @@ impl LeftoverOptions {
             .chain(amplitudes)
             .chain([("most_rad", self.most_rad)])
         {
-            if !(value.is_finite() && value > 0.0) {
-                return Err(CalibrationError::BadOption {
-                    what,
-                    wanted: "finite and above 0",
-                    value,
-                });
-            }
+            positive(what, value)?;
         }
+        demand(
+            "day",
+            self.day.is_none_or(f64::is_finite),
+            "finite",
+            self.day.unwrap_or_default(),
+        )?;
+        let least = self.least_log_evidence;
+        demand("least_log_evidence", !least.is_nan(), "a number", least)?;
         for (what, count) in [
             ("number of lengths_rad", self.lengths_rad.len()),
             ("number of amplitudes_mrad", self.amplitudes_mrad.len()),
             ("learnt_from", self.learnt_from),
         ] {
-            if count == 0 {
-                return Err(CalibrationError::BadOption {
-                    what,
-                    wanted: "at least 1",
-                    value: 0.0,
-                });
-            }
+            demand(what, count > 0, "at least 1", 0.0)?;
         }
         Ok(())
     }
@@ -173,13 +171,8 @@ impl Leftover {
             ),
         ];
         for (what, found, wanted) in sizes {
-            if found != wanted {
-                return Err(CalibrationError::BadOption {
-                    what,
-                    wanted: "as many as poses_rad and causes ask for",
-                    value: found as f64,
-                });
-            }
+            let asked = "as many as poses_rad and causes ask for";
+            demand(what, found == wanted, asked, found as f64)?;
         }
         let numbers = parts
             .poses_rad
@@ -191,25 +184,13 @@ impl Leftover {
             .chain(&parts.amplitude_rad)
             .chain(&parts.angles_rad);
         for &value in numbers {
-            if !value.is_finite() {
-                return Err(CalibrationError::BadOption {
-                    what: "number of a leftover",
-                    wanted: "finite",
-                    value,
-                });
-            }
+            finite("number of a leftover", value)?;
         }
         for (what, value) in [
             ("length_rad", parts.length_rad),
             ("most_rad", parts.most_rad),
         ] {
-            if !(value.is_finite() && value > 0.0) {
-                return Err(CalibrationError::BadOption {
-                    what,
-                    wanted: "finite and above 0",
-                    value,
-                });
-            }
+            positive(what, value)?;
         }
         let seen = Seen::new(parts.length_rad, parts.poses_rad.iter().copied());
         let weights =
@@ -228,7 +209,8 @@ impl Leftover {
     }
 
     /// What to add to the readings of both axes that the angles ask for \[rad\]: cut off at
-    /// [`most_rad`](LeftoverParts::most_rad) of either axis, fading to nothing away from the poses that were seen.
+    /// [`most_rad`](LeftoverParts::most_rad) of either axis, fading to nothing away from the poses that were seen;
+    /// nothing too where an angle is not finite.
     #[must_use]
     pub fn turn_rad(&self, axis1_rad: f64, axis2_rad: f64) -> [f64; 2] {
         self.bounded(&self.seen.features([axis1_rad, axis2_rad]))
@@ -240,7 +222,8 @@ impl Leftover {
     }
 
     /// Errors of both readings after that correction, of a heliostat with these angles: one standard deviation
-    /// \[rad\], that of the angles themselves included, and what the bound cuts off.
+    /// \[rad\], that of the angles themselves included, and what the bound cuts off. Infinite where a number of the
+    /// pose, the mount or the parameters is not finite: nothing is known there.
     #[must_use]
     pub fn sigma_rad(
         &self,
@@ -273,13 +256,14 @@ impl Leftover {
             slopes[known + axis * n..][..n].copy_from_slice(&features);
             let amplitude = parts.amplitude_rad[axis];
             let variance = quadratic(&parts.covariance, &slopes) + amplitude * amplitude * unknown;
-            libm::sqrt(variance.max(0.0) + wrong * wrong)
+            let sigma = libm::sqrt(variance.max(0.0) + wrong * wrong);
+            if sigma.is_finite() {
+                sigma
+            } else {
+                f64::INFINITY
+            }
         })
     }
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 fn pairs(by: &[[f64; 2]], of: &[f64], axis: usize) -> f64 {
@@ -517,13 +501,9 @@ impl JointFit {
         options: &LeftoverOptions,
     ) -> Result<Leftovers, CalibrationError> {
         options.check()?;
-        if campaigns.len() != self.heliostats.len() {
-            return Err(CalibrationError::BadOption {
-                what: "number of campaigns",
-                wanted: "that of the fit",
-                value: campaigns.len() as f64,
-            });
-        }
+        let given = campaigns.len();
+        let same = given == self.heliostats.len();
+        demand("number of campaigns", same, "that of the fit", given as f64)?;
         let learnt = self.learn_leftovers(campaigns, options);
         let (length, amplitude, poses) = match learnt {
             Some((length, amplitude, evidence)) if evidence >= options.least_log_evidence => {
@@ -755,26 +735,25 @@ impl Leftovers {
     /// far, `past`, set-points corrected by what is left; in the order of the observations.
     /// [`JointFit::foretell`] does it without.
     ///
-    /// # Panics
-    /// If there is no heliostat `k`.
-    #[must_use]
+    /// # Errors
+    /// [`CalibrationError::NoSuchHeliostat`] if there is no heliostat `k`.
     pub fn foretell(
         &self,
         fit: &JointFit,
         k: usize,
         past: &Campaign<'_>,
         campaign: &Campaign<'_>,
-    ) -> Vec<Foretold> {
+    ) -> Result<Vec<Foretold>, CalibrationError> {
+        let leftover = in_place(&self.heliostats, "k", k)?;
+        let plain = fit.foretell(k, campaign)?;
         let (rows, _) = fit.marked(k, past);
         let wide = fit.widen(&rows, past, self.length_rad, self.most_poses);
         let Some(left) = wide.left(self.amplitude_mrad) else {
-            return vec![Foretold::NOTHING; campaign.observations.len()];
+            return Ok(vec![Foretold::NOTHING; campaign.observations.len()]);
         };
         let both = wide.both(&left, &self.common);
         let rates = fit.hyper.rates();
-        let plain = fit.foretell(k, campaign);
         let rows = fit.rows(k, campaign);
-        let leftover = &self.heliostats[k];
         let mut out = vec![Foretold::NOTHING; rows.len()];
         for record in 0..rows.len() {
             let of = rows.of[record];
@@ -814,7 +793,7 @@ impl Leftovers {
                 covariance_mrad2,
             };
         }
-        out
+        Ok(out)
     }
 }
 

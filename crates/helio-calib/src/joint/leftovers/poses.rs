@@ -66,8 +66,12 @@ impl Seen {
         self.poses.push(pose);
     }
 
-    /// φ: the correlations with the poses through the inverse of their factor.
+    /// φ: the correlations with the poses through the inverse of their factor. A pose that is no pose, an angle of it
+    /// not being finite, is far from all others.
     pub fn features(&self, pose: [f64; 2]) -> Vec<f64> {
+        if !pose.iter().all(|angle| angle.is_finite()) {
+            return vec![0.0; self.poses.len()];
+        }
         let with = self
             .poses
             .iter()

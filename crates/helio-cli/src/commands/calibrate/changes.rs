@@ -49,7 +49,7 @@ pub(super) fn changes(
     observations: &Observations,
     old: &[CalibratedSet],
     sets: &[CalibratedSet],
-) -> Vec<String> {
+) -> Result<Vec<String>, Failure> {
     let suns: Vec<(EnuUnit, f64)> = match &loaded.site {
         Some(site) => year_suns(site.latitude_rad, LOWEST_SUN_RAD)
             .into_iter()
@@ -65,7 +65,7 @@ pub(super) fn changes(
     };
     let (before, after) = (by_heliostat(old), by_heliostat(sets));
     let field = &loaded.field;
-    let mut found: Vec<(&str, Change)> = (0..field.len())
+    let found: Result<Vec<(&str, Change)>, _> = (0..field.len())
         .into_par_iter()
         .filter_map(|row| {
             let id = field.ids()[row].as_str();
@@ -76,10 +76,11 @@ pub(super) fn changes(
                 &Mount::of(field.mode(), &field.heliostats()[row]),
                 &suns,
                 loaded.blend_rad,
-            )?;
-            Some((id, change))
+            );
+            Some(change.transpose()?.map(|change| (id, change)))
         })
         .collect();
+    let mut found = found?;
     let beams: Vec<f64> = found.iter().map(|(_, change)| change.beam_mrad).collect();
     let significant = |c: &Change| c.is_significant() == Some(true);
     let count = found
@@ -143,5 +144,5 @@ pub(super) fn changes(
             Counted(found.len() - shown, "heliostat")
         ));
     }
-    said
+    Ok(said)
 }

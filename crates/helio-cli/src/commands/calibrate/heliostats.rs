@@ -190,7 +190,7 @@ impl Run<'_> {
                     "a later epoch follows, and without times nothing tells when".to_owned(),
                 ),
                 helio_calib::Verdict::Undetermined { why } => match refusing {
-                    Some(finding) => (finding.as_str(), words.finding(finding)),
+                    Some(finding) => (finding.as_str(), words.finding(finding)?),
                     None => ("undetermined", why.clone()),
                 },
                 helio_calib::Verdict::Determined if !epoch.fit.stop.converged() => (
@@ -230,30 +230,30 @@ impl Run<'_> {
         } = day;
         if sets.is_empty() {
             let (status, why) = match refusing.or(found.findings.first()) {
-                Some(finding) => (finding.as_str(), words.finding(finding)),
+                Some(finding) => (finding.as_str(), words.finding(finding)?),
                 None => ("undetermined", String::new()),
             };
             sets.push(DoneSet::without_result(status, &why));
         }
-        Ok(Done {
-            index,
-            sets,
-            rejected: found
-                .rejected
-                .iter()
-                .map(|rejected| Left {
+        let rejected: Result<Vec<Left>, Failure> = found
+            .rejected
+            .iter()
+            .map(|rejected| {
+                Ok(Left {
                     row: rejected.row,
                     beam_mrad: Exact(rejected.beam_mrad),
                     reason: rejected.reason.as_str().to_owned(),
-                    words: words.reason(&rejected.reason),
+                    words: words.reason(&rejected.reason)?,
                 })
-                .collect(),
-            findings: found
-                .findings
-                .iter()
-                .map(|finding| words.finding(finding))
-                .chain(said)
-                .collect(),
+            })
+            .collect();
+        let findings = found.findings.iter().map(|finding| words.finding(finding));
+        let findings: Result<Vec<String>, _> = findings.chain(said.into_iter().map(Ok)).collect();
+        Ok(Done {
+            index,
+            sets,
+            rejected: rejected?,
+            findings: findings?,
             choices,
         })
     }

@@ -12,6 +12,7 @@ mod words;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
 
 use helio_calib::Mount;
 use helio_calib::schedule::Sets;
@@ -36,27 +37,6 @@ use resume::{build_hash, finished, hash_files, hash_text, is_plain};
 
 /// Lines of findings that a terminal shows.
 const SAID: usize = 40;
-
-/// The observations, their spots wherever they are, and a hash of both.
-fn read_observations(
-    args: &CalibrateArgs,
-    loaded: &LoadedField,
-) -> Result<(Observations, String), Failure> {
-    let path = &args.observations;
-    let spots = match &args.spots {
-        Some(path) => Some((load_spots(path)?, hash_file(path)?)),
-        None => None,
-    };
-    let (observations, hash) = rayon::join(
-        || load_observations_with_spots(path, spots.as_ref().map(|(table, _)| table), loaded),
-        || hash_file(path),
-    );
-    let (observations, hash) = (observations?, hash?);
-    Ok(match spots {
-        Some((_, of_spots)) => (observations, hash_text(&format!("{hash} {of_spots}"))),
-        None => (observations, hash),
-    })
-}
 
 pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Failure> {
     plan::threads(args.out.threads)?;
@@ -106,26 +86,10 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
     let resumable = args.out.out.as_deref().filter(|path| is_plain(path));
     // Each goes through a whole file.
     let (read, build) = rayon::join(
-        || read_observations(args, &loaded),
+        || observed(args, &loaded, printer),
         || resumable.map(|_| build_hash(std::env::current_exe())),
     );
     let (observations, observations_hash) = read?;
-    for warning in &observations.warnings {
-        printer.warn(warning);
-    }
-    printer.say(format_args!(
-        "{} of {}, of {} in the field",
-        Counted(observations.len(), "observation"),
-        Counted(observations.heliostats.len(), "heliostat"),
-        Grouped(loaded.field.len() as u64)
-    ));
-    if observations.is_empty() {
-        return Err(Failure::refused(format!(
-            "{}: none of its {} records can be used",
-            args.observations.display(),
-            observations.records
-        )));
-    }
     let provenance = Provenance {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         solver: word(args.fit.solver),
@@ -136,7 +100,10 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
         options_hash: hash_text(&format!("{:?}", args.fit)),
     };
     let part = match resumable.zip(build) {
-        Some((out, build)) => Some(finished(out, args.resume, &provenance, build)?),
+        Some((out, build)) => {
+            let used = observations.len();
+            Some(finished(out, args.resume, &provenance, used, build)?)
+        }
         None if args.resume => {
             return Err(Failure::refused("--resume needs --out FILE"));
         }
@@ -166,7 +133,7 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
     let all = || -> Result<(Vec<CalibratedSet>, Vec<String>, u64), Failure> {
         let sets: Vec<CalibratedSet> = done.iter().flat_map(|done| run.sets(done)).collect();
         let changes = match &old {
-            Some(old) => changes(&loaded, &observations, old, &sets),
+            Some(old) => changes(&loaded, &observations, old, &sets)?,
             None => Vec::new(),
         };
         if let Some(file) = report {
@@ -177,7 +144,7 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
                 provenance: &provenance,
                 findings: changes.clone(),
             };
-            write_page(file, &calibration_page(&page.page()))?;
+            write_page(file, &calibration_page(&page.page()?))?;
         }
         if let Some(path) = &args.rejected {
             write_rejected(path, run.rejected(&done), &loaded, &observations, printer)?;
@@ -207,6 +174,53 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
     } else {
         Outcome::Good
     })
+}
+
+/// How far beyond the clock a record may be dated \[ns\]: a day, as clocks and offsets from UTC are set wrong.
+const AHEAD_NS: i64 = 86_400_000_000_000;
+
+/// The observations that can be used, which are some, and a hash of them and of their spots. What is dated later than the clock
+/// is left aside: zero points would wander on to that day, and what is fitted would be taken to hold from it.
+fn observed(
+    args: &CalibrateArgs,
+    loaded: &LoadedField,
+    printer: &Printer,
+) -> Result<(Observations, String), Failure> {
+    let path = &args.observations;
+    let spots = match &args.spots {
+        Some(path) => Some((load_spots(path)?, hash_file(path)?)),
+        None => None,
+    };
+    let (observations, hash) = rayon::join(
+        || load_observations_with_spots(path, spots.as_ref().map(|(table, _)| table), loaded),
+        || hash_file(path),
+    );
+    let (mut observations, mut hash) = (observations?, hash?);
+    if let Some((_, of_spots)) = spots {
+        hash = hash_text(&format!("{hash} {of_spots}"));
+    }
+    let now = SystemTime::now().duration_since(UNIX_EPOCH);
+    let now_ns = now.map_or(0, |since| {
+        i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
+    });
+    observations.leave_aside_after(now_ns.saturating_add(AHEAD_NS))?;
+    for warning in &observations.warnings {
+        printer.warn(warning);
+    }
+    printer.say(format_args!(
+        "{} of {}, of {} in the field",
+        Counted(observations.len(), "observation"),
+        Counted(observations.heliostats.len(), "heliostat"),
+        Grouped(loaded.field.len() as u64)
+    ));
+    if observations.is_empty() {
+        return Err(Failure::refused(format!(
+            "{}: none of its {} records can be used",
+            path.display(),
+            observations.records
+        )));
+    }
+    Ok((observations, hash))
 }
 
 /// The status of a set that `track` may use.

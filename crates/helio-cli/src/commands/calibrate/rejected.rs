@@ -53,7 +53,7 @@ pub(super) fn write_rejected(
     for aside in &observations.left_aside {
         let why = match aside.reason {
             LeftAsideReason::Duplicate { of } => {
-                format!("it is {} again", observations.position(of))
+                format!("it is {} again", observations.position(of)?)
             }
             LeftAsideReason::SunBelowHorizon => "at its time the sun was down".to_owned(),
             LeftAsideReason::NoFrame => "its frame is not among the spots".to_owned(),
@@ -61,6 +61,7 @@ pub(super) fn write_rejected(
             LeftAsideReason::Spot(Some(status)) => {
                 format!("the spot of its frame is {}", status.as_str())
             }
+            LeftAsideReason::InFuture => "its time is still to come".to_owned(),
             _ => "it has no spot".to_owned(),
         };
         rows.push(Rejected {
@@ -80,10 +81,11 @@ pub(super) fn write_rejected(
         .iter()
         .map(|row| observations.record_id(row.record).unwrap_or("").to_owned())
         .collect();
-    let lines: Vec<Option<i64>> = rows
+    let lines: Result<Vec<Option<i64>>, Failure> = rows
         .iter()
-        .map(|row| i64::try_from(observations.line(row.record)).ok())
+        .map(|row| Ok(i64::try_from(observations.line(row.record)?).ok()))
         .collect();
+    let lines = lines?;
     let beams: Vec<f64> = rows.iter().map(|row| row.beam_mrad).collect();
     let reasons: Vec<String> = rows.iter().map(|row| row.reason.clone()).collect();
     let whys: Vec<String> = rows.iter().map(|row| row.why.clone()).collect();

@@ -8,11 +8,13 @@ use crate::failure::Failure;
 use crate::plan;
 
 /// What of the run is finished already. Two builds of one version may differ in the last digit, so a run
-/// is resumed by the program that began it.
+/// is resumed by the program that began it; and with as many observations `used`, as which of them are of a time
+/// still to come depends on the clock.
 pub(super) fn finished(
     out: &Path,
     resume: bool,
     provenance: &Provenance,
+    used: usize,
     build: Result<String, String>,
 ) -> Result<(Finished, Vec<String>), Failure> {
     if let (Err(why), true) = (&build, resume && Finished::path_of(out).exists()) {
@@ -23,7 +25,7 @@ pub(super) fn finished(
         )));
     }
     let key = hash_text(&format!(
-        "{} {} {} {} {}",
+        "{} {} {} {} {} {used}",
         provenance.version,
         build.as_deref().unwrap_or("unknown"),
         provenance.field_hash,
@@ -76,16 +78,16 @@ mod tests {
         let out = folder.path().join("c.csv");
         let (provenance, lost) = (Provenance::default(), || Err("gone".to_owned()));
         // Without parts there is nothing to mix, with parts they stay as they are.
-        drop(finished(&out, true, &provenance, lost()).unwrap());
+        drop(finished(&out, true, &provenance, 0, lost()).unwrap());
         let part = std::fs::read(Finished::path_of(&out)).unwrap();
         for (resume, said) in [
             (true, "(gone); remove the file"),
             (false, "--resume goes on"),
         ] {
-            let refused = finished(&out, resume, &provenance, lost()).unwrap_err();
+            let refused = finished(&out, resume, &provenance, 0, lost()).unwrap_err();
             assert!(refused.to_string().contains(said), "{refused}");
         }
-        let refused = finished(&out, true, &provenance, Ok(own)).unwrap_err();
+        let refused = finished(&out, true, &provenance, 0, Ok(own)).unwrap_err();
         assert!(refused.to_string().contains("another build"), "{refused}");
         assert_eq!(std::fs::read(Finished::path_of(&out)).unwrap(), part);
     }

@@ -1,7 +1,7 @@
 //! What is said of it all.
 
 use helio_calib::{Finding, Reason, WrongCall};
-use helio_io::{CalibratedSet, format_time};
+use helio_io::{CalibratedSet, IoError, format_time};
 
 use super::changes::median;
 use super::{OK, Run, SAID};
@@ -57,13 +57,13 @@ impl Words<'_> {
         targets.get(target).map_or("", |(name, _)| name)
     }
 
-    pub(super) fn position(&self, row: usize) -> String {
+    pub(super) fn position(&self, row: usize) -> Result<String, IoError> {
         let of = &self.run.observations.heliostats[self.index];
         self.run.observations.position(of.records[row])
     }
 
-    pub(super) fn reason(&self, reason: &Reason) -> String {
-        match reason {
+    pub(super) fn reason(&self, reason: &Reason) -> Result<String, IoError> {
+        Ok(match reason {
             Reason::WrongHeliostat { neighbour } => {
                 format!(
                     "it fits the mount of heliostat {}",
@@ -73,13 +73,13 @@ impl Words<'_> {
             Reason::WrongTarget { target } => {
                 format!("its spot fits target {}", self.target(*target))
             }
-            Reason::Duplicate { of } => format!("it is {} again", self.position(*of)),
+            Reason::Duplicate { of } => format!("it is {} again", self.position(*of)?),
             other => other.to_string(),
-        }
+        })
     }
 
-    pub(super) fn finding(&self, finding: &Finding) -> String {
-        match finding {
+    pub(super) fn finding(&self, finding: &Finding) -> Result<String, IoError> {
+        Ok(match finding {
             Finding::Jump {
                 last_before,
                 first_after,
@@ -94,8 +94,8 @@ impl Words<'_> {
                     }
                     _ => format!(
                         "{} and {}",
-                        self.position(*last_before),
-                        self.position(*first_after)
+                        self.position(*last_before)?,
+                        self.position(*first_after)?
                     ),
                 };
                 format!(
@@ -118,7 +118,7 @@ impl Words<'_> {
                 }
             }
             other => other.to_string(),
-        }
+        })
     }
 }
 

@@ -33,26 +33,30 @@ impl Run<'_> {
         }
         let fit = fit_joint(&campaigns, &options)?;
         let worth = fit.worth(&campaigns)?;
-        let histories: Vec<Vec<History>> = campaigns
+        let histories: Result<Vec<Vec<History>>, _> = campaigns
             .par_iter()
             .enumerate()
             .map(|(k, campaign)| fit.history(k, campaign))
             .collect();
+        let histories = histories?;
         let (judged, jumps, mut seen) = self.told(&histories, &observations);
-        let jumps: Vec<JumpFound> = jumps
+        let jumps: Result<Vec<JumpFound>, Failure> = jumps
             .into_iter()
             .enumerate()
             .map(|(n, (observation, jump))| {
-                let size = || {
-                    let zeros = fit.zero_points(jump.index, &campaigns[jump.index])?;
+                if n >= SAID {
+                    return Ok(jump);
+                }
+                let zeros = fit.zero_points(jump.index, &campaigns[jump.index])?;
+                let size_rad = zeros.and_then(|zeros| {
                     let after = zeros.iter().position(|z| z.observation == observation)?;
                     let before = zeros.get(after.checked_sub(1)?)?;
                     Some(zeros[after].zero_rad[jump.axis] - before.zero_rad[jump.axis])
-                };
-                let size_rad = if n < SAID { size() } else { None };
-                JumpFound { size_rad, ..jump }
+                });
+                Ok(JumpFound { size_rad, ..jump })
             })
             .collect();
+        let jumps = jumps?;
         let (state, rows) = self.followed(&fit, &observations)?;
         seen.resize(rows.len(), Seen::default());
         let found = Found {
@@ -66,6 +70,7 @@ impl Run<'_> {
             observations: &observations,
             targets: &observations.targets,
             provenance: &provenance,
+            converged: fit.converged,
         };
         let left = match &self.args.joint.leftovers {
             Some(path) => Some((path, self.left(&fit, &campaigns, &self.day(&state)?)?)),
@@ -135,11 +140,10 @@ impl Run<'_> {
             for (record, one) in history.iter().enumerate() {
                 let observed = &of.observations[one.observation];
                 let unix_ns = observed.unix_ns;
-                let jumped = one.jumped.iter().position(|jumped| *jumped);
                 let kind = if one.outlier {
                     StepKind::Outlier
-                } else if let Some(axis) = jumped {
-                    StepKind::Jump(axis)
+                } else if one.jumped != [false; 2] {
+                    StepKind::Jump(one.jumped)
                 } else if one.foretold.beam_mrad().is_finite() {
                     // the first are foretold of a heliostat that nobody knows yet
                     if record >= history.len() / 2 {
@@ -149,7 +153,7 @@ impl Run<'_> {
                 } else {
                     StepKind::Misses
                 };
-                if let Some(axis) = jumped {
+                for axis in (0..2).filter(|&axis| one.jumped[axis]) {
                     let jump = JumpFound {
                         index,
                         unix_ns,

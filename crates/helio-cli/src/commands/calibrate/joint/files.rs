@@ -71,10 +71,11 @@ impl Run<'_> {
             .iter()
             .map(|one| observations.heliostats[one.index].observations[one.observation].unix_ns)
             .collect();
-        let lines: Vec<Option<i64>> = judged
+        let lines: Result<Vec<Option<i64>>, Failure> = judged
             .iter()
-            .map(|one| i64::try_from(observations.line(record(one))).ok())
+            .map(|one| Ok(i64::try_from(observations.line(record(one))?).ok()))
             .collect();
+        let lines = lines?;
         let numbers = |of: &dyn Fn(&Judged) -> f64| judged.iter().map(of).collect::<Vec<f64>>();
         let foretold = numbers(&|one| one.foretold.expected_mrad());
         let seen = numbers(&|one| one.foretold.beam_mrad());

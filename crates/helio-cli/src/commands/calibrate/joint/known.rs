@@ -1,7 +1,7 @@
 //! What is known of every heliostat, as rows of the calibration table.
 
 use helio_calib::aiming::encoder_angles_rad;
-use helio_calib::joint::{DAY_NS, FieldState, Foretold, Known};
+use helio_calib::joint::{DAY_NS, FieldState, Foretold, Known, NO_TARGET};
 use helio_calib::plan::year_suns;
 use helio_calib::{
     Campaign, Duty, Mount, Observation, Parameter, Parameters, Sighting, tilt_standard_error,
@@ -10,7 +10,7 @@ use helio_core::{EnuUnit, TargetPlane};
 use helio_io::{CalibratedSet, JointColumns, errors_as_written};
 use rayon::prelude::*;
 
-use super::{NO_TARGET, OK, Run};
+use super::{OK, Run};
 use crate::commands::calibrate::LOWEST_SUN_RAD;
 use crate::failure::Failure;
 use crate::plan::{SunClock, toward};
@@ -19,6 +19,10 @@ use crate::plan::{SunClock, toward};
 const HOURS: i64 = 24;
 /// Camera's scatter on the target of a spot that no camera sees \[m\].
 const NO_CAMERA_M: f64 = 1e-9;
+/// From so many records on a heliostat is not explained where many of them are not believed.
+const FEW: u64 = 8;
+/// Nor where so many of the last are not, one after the other.
+const UNEXPLAINED_RUN: usize = 4;
 /// Of the suns of a year so many-th are looked at: at other hours on each of its days.
 const YEAR_STEP: usize = 41;
 
@@ -114,7 +118,7 @@ impl Run<'_> {
         rows: &[Option<usize>],
         seen: &[Seen],
         day: &Day,
-    ) -> Vec<CalibratedSet> {
+    ) -> Result<Vec<CalibratedSet>, Failure> {
         let mut places: Vec<(usize, usize)> = rows
             .iter()
             .enumerate()
@@ -134,11 +138,11 @@ impl Run<'_> {
         place: usize,
         seen: &Seen,
         day: &Day,
-    ) -> CalibratedSet {
+    ) -> Result<CalibratedSet, Failure> {
         let id = &self.loaded.field.ids()[row];
         let followed = &state.heliostats()[place];
-        let known = state.known(place, day.day);
-        let last = state.known(place, followed.last_day.unwrap_or(day.day));
+        let known = state.known(place, day.day)?;
+        let last = state.known(place, followed.last_day.unwrap_or(day.day))?;
         if !known
             .values
             .iter()
@@ -146,7 +150,7 @@ impl Run<'_> {
             .all(|x| x.is_finite())
         {
             let why = "the joint fit gave no finite numbers";
-            return CalibratedSet::without_result(id, "undetermined", why);
+            return Ok(CalibratedSet::without_result(id, "undetermined", why));
         }
         let mut mount = self.mount(row);
         let parameters = known.parameters(mount.mirror_offset_m);
@@ -156,7 +160,7 @@ impl Run<'_> {
             suns: &day.year,
             aim,
         };
-        let year_mrad = state.pointing_mrad(place, &mount, day.day, &duty);
+        let year_mrad = state.pointing_mrad(place, &mount, day.day, &duty)?;
         let year_pointing_mrad = year_mrad.unwrap_or(f64::NAN);
         let limit_mrad = self.args.fit.max_year_pointing_mrad;
         let refused = (self.args.typed.contains(&"max_year_pointing_mrad")
@@ -190,14 +194,27 @@ impl Run<'_> {
             observations: &poses,
         };
         let squares: Vec<f64> = state
-            .foretell(place, &campaign)
+            .foretell(place, &campaign)?
             .iter()
             .map(|foretold| foretold.expected_mrad().powi(2))
             .filter(|square| square.is_finite())
             .collect();
         let [beam_rms_mrad, rms_mrad, expected_mrad] = seen.rms_mrad();
+        let (unbelieved, in_a_row) = (followed.unbelieved(), followed.unbelieved_last());
+        let doubtful = followed.records >= FEW && followed.unfit();
+        let unexplained = doubtful || in_a_row >= UNEXPLAINED_RUN;
+        let refused = if unexplained {
+            let why = format!(
+                "{unbelieved} of its {} records do not fit the others, the last {in_a_row} of them one after the other, \
+                 and its zero points jumped {} times",
+                followed.records, followed.jump_count
+            );
+            Some(("unexplained", why))
+        } else {
+            refused.map(|why| ("undetermined", why))
+        };
         let good = refused.is_none();
-        CalibratedSet {
+        Ok(CalibratedSet {
             errors: good.then(|| errors_as_written(&parameters.errors())),
             pose_errors_rad: known
                 .pose_errors
@@ -213,7 +230,7 @@ impl Run<'_> {
             observed_ns: seen.times,
             joint: Some(JointColumns {
                 pose_sigmas_rad: known.pose_sigmas_rad,
-                jumps: followed.jumps.len(),
+                jumps: followed.jump_count as usize,
                 zero_rad: last.zero_rad,
                 zero_sigma_rad: last.zero_sigma_rad,
                 foretold_mrad: root_mean(squares.iter().sum(), squares.len()),
@@ -221,9 +238,9 @@ impl Run<'_> {
             }),
             ..match &refused {
                 None => CalibratedSet::without_result(id, OK, ""),
-                Some(why) => CalibratedSet::without_result(id, "undetermined", why),
+                Some((status, why)) => CalibratedSet::without_result(id, status, why),
             }
-        }
+        })
     }
 }
 

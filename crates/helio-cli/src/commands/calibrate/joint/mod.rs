@@ -17,16 +17,13 @@ use helio_io::{AtomicFile, CalibratedSet, LoadedField, Observations, Provenance,
 use super::changes::{earlier, median};
 use super::proposals::Proposals;
 use super::resume::{hash_files, hash_text};
-use super::{OK, SAID, different_outputs, report_file};
+use super::{OK, SAID, different_outputs, observed, report_file};
 use crate::Outcome;
 use crate::args::CalibrateArgs;
 use crate::failure::Failure;
 use crate::plan;
 use crate::printer::{Bytes, Counted, Grouped, Printer};
 use outputs::Written;
-
-/// A target that no cause belongs to, such as one that the state does not know.
-const NO_TARGET: usize = usize::MAX;
 
 /// Options of a fit heliostat by heliostat that the field as one has no use for, each with the reason.
 const NOT_AS_ONE: [(&str, &str); 8] = [
@@ -221,23 +218,7 @@ impl Run<'_> {
     /// Observations that can be put in order.
     fn observations(&self) -> Result<(Observations, String), Failure> {
         let path = &self.args.observations;
-        let (observations, hash) = super::read_observations(self.args, &self.loaded)?;
-        for warning in &observations.warnings {
-            self.printer.warn(warning);
-        }
-        self.printer.say(format_args!(
-            "{} of {}, of {} in the field",
-            Counted(observations.len(), "observation"),
-            Counted(observations.heliostats.len(), "heliostat"),
-            Grouped(self.loaded.field.len() as u64)
-        ));
-        if observations.is_empty() {
-            return Err(Failure::refused(format!(
-                "{}: none of its {} records can be used",
-                path.display(),
-                observations.records
-            )));
-        }
+        let (observations, hash) = observed(self.args, &self.loaded, self.printer)?;
         let mut timeless = 0;
         let mut first = None;
         for of in &observations.heliostats {
@@ -256,7 +237,7 @@ impl Run<'_> {
                     1 => "1 record has".to_owned(),
                     count => format!("{} records have", Grouped(count)),
                 },
-                observations.position(record),
+                observations.position(record)?,
                 self.loaded.field.ids()[row]
             );
             if self.args.joint.update.is_some() {

@@ -1,7 +1,7 @@
 //! What both ways write: tables, proposals, the page.
 
 use helio_calib::joint::{CommonCause, DAY_NS, FieldState, StepKind, Worth, ZeroPoint};
-use helio_calib::{Candidate, Duty, PlanOptions, Proposal};
+use helio_calib::{CalibrationError, Candidate, Duty, PlanOptions, Proposal};
 use helio_core::TargetPlane;
 use helio_io::{CalibratedSet, Observations, Provenance, format_time, write_calibration};
 use helio_report::joint::joint_page;
@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use super::known::Seen;
 use super::page::Source;
+use super::said::STOPPED;
 use super::{Asked, Judged, Run};
 use crate::commands::calibrate::changes::changes;
 use crate::commands::calibrate::proposals::Proposals;
@@ -17,7 +18,8 @@ use crate::commands::calibrate::write_page;
 use crate::failure::Failure;
 
 /// See [`Found::zeros`].
-pub(super) type Zeros<'a> = dyn Fn(usize) -> Option<Vec<ZeroPoint>> + Sync + 'a;
+pub(super) type Zeros<'a> =
+    dyn Fn(usize) -> Result<Option<Vec<ZeroPoint>>, CalibrationError> + Sync + 'a;
 
 /// What a run found.
 pub(super) struct Found<'a> {
@@ -34,6 +36,8 @@ pub(super) struct Found<'a> {
     /// The targets that causes count.
     pub(super) targets: &'a [(String, TargetPlane)],
     pub(super) provenance: &'a Provenance,
+    /// Whether the search of the fit ended where no step promised more.
+    pub(super) converged: bool,
 }
 
 /// What was written.
@@ -48,18 +52,19 @@ impl Run<'_> {
     pub(super) fn write(&self, asked: Asked, found: &Found<'_>) -> Result<Written, Failure> {
         let (args, observations) = (self.args, found.observations);
         let day = self.day(found.state)?;
-        let sets = self.sets(found.state, found.rows, found.seen, &day);
+        let sets = self.sets(found.state, found.rows, found.seen, &day)?;
         let changes = match &asked.old {
-            Some(old) => changes(&self.loaded, observations, old, &sets),
+            Some(old) => changes(&self.loaded, observations, old, &sets)?,
             None => Vec::new(),
         };
         if let Some(file) = asked.report {
+            let stopped = (!found.converged).then(|| STOPPED.to_owned());
             let page = Source {
                 loaded: &self.loaded,
                 found,
-                findings: changes.clone(),
+                findings: stopped.into_iter().chain(changes.clone()).collect(),
             };
-            write_page(file, &joint_page(&page.page()))?;
+            write_page(file, &joint_page(&page.page()?))?;
         }
         if let Some(path) = &args.joint.causes {
             self.write_causes(path, found.causes, found.worth, found.targets)?;

@@ -13,6 +13,7 @@ use rayon::prelude::*;
 use super::outputs::Found;
 use super::said::{for_people, target_of};
 use crate::calibration_page::{facts, made_at, site_name};
+use crate::failure::Failure;
 
 /// Records that a page is given at most: of larger fields those of some heliostats, evenly chosen.
 const MOST_RECORDS: usize = 1_000_000;
@@ -28,7 +29,7 @@ pub(super) struct Source<'a> {
 }
 
 impl Source<'_> {
-    pub(super) fn page(&self) -> JointPage {
+    pub(super) fn page(&self) -> Result<JointPage, Failure> {
         let state = self.found.state;
         let own = self.own_causes();
         let unknowns: Vec<String> = Parameter::ALL[..ANGLES]
@@ -55,10 +56,10 @@ impl Source<'_> {
             unknowns: shown.iter().map(|&k| unknowns[k].clone()).collect(),
             mean_mrad: shown.iter().map(|&k| 1e3 * mean[k]).collect(),
             covariance_mrad2: pairs.map(|(i, j)| 1e6 * covariance[i * all + j]).collect(),
-            heliostats: self.heliostats(),
+            heliostats: self.heliostats()?,
         };
-        self.smooth(&mut page);
-        page
+        self.smooth(&mut page)?;
+        Ok(page)
     }
 
     fn own_causes(&self) -> Vec<&CommonCause> {
@@ -78,9 +79,9 @@ impl Source<'_> {
     }
 
     /// Zero points that the page shows, as all records tell them.
-    fn smooth(&self, page: &mut JointPage) {
+    fn smooth(&self, page: &mut JointPage) -> Result<(), Failure> {
         let Some(zeros) = self.found.zeros else {
-            return;
+            return Ok(());
         };
         let index_of: HashMap<&str, usize> = self
             .found
@@ -94,19 +95,20 @@ impl Source<'_> {
         shown.extend(jumped(page));
         shown.sort_unstable();
         shown.dedup();
-        let found: Vec<(usize, Vec<ZeroPoint>)> = shown
+        let found: Result<Vec<(usize, Vec<ZeroPoint>)>, _> = shown
             .into_par_iter()
             .filter_map(|line| {
                 let index = index_of.get(page.heliostats[line].id.as_str())?;
-                Some((line, zeros(*index)?))
+                Some(zeros(*index).transpose()?.map(|zeros| (line, zeros)))
             })
             .collect();
-        for (line, zeros) in found {
+        for (line, zeros) in found? {
             for (record, zero) in page.heliostats[line].records.iter_mut().zip(zeros) {
                 record.zero_mrad = zero.zero_rad.map(|x| 1e3 * x);
                 record.zero_sigma_mrad = zero.sigma_rad.map(|x| 1e3 * x);
             }
         }
+        Ok(())
     }
 
     fn causes(&self) -> Vec<CauseLine> {
@@ -183,7 +185,7 @@ impl Source<'_> {
         .to_vec()
     }
 
-    fn heliostats(&self) -> Vec<HeliostatLine> {
+    fn heliostats(&self) -> Result<Vec<HeliostatLine>, Failure> {
         let (found, observations) = (self.found, self.found.observations);
         let mut of_row: Vec<Vec<RecordLine>> = vec![Vec::new(); self.loaded.field.len()];
         let indices = observations.heliostats.len();
@@ -195,7 +197,7 @@ impl Source<'_> {
         for one in found.judged.iter().filter(|one| one.index % every == 0) {
             let of = &observations.heliostats[one.index];
             let record = of.records[one.observation];
-            let place = observations.position(record);
+            let place = observations.position(record)?;
             let name = observations.record_id(record);
             of_row[of.row].push(RecordLine {
                 label: name.map_or(place.clone(), |name| format!("{name} ({place})")),
@@ -216,23 +218,24 @@ impl Source<'_> {
             .collect();
         places.sort_unstable();
         let shown = self.shown();
-        let mut lines: Vec<HeliostatLine> = places
+        let lines: Result<Vec<HeliostatLine>, Failure> = places
             .par_iter()
             .map(|&(row, place)| {
-                let (values, sigmas) = found.state.at_rest(place);
+                let (values, sigmas) = found.state.at_rest(place)?;
                 let mrad = |x: Vec<f64>| shown.iter().map(|&k| 1e3 * x[k]).collect();
-                HeliostatLine {
+                Ok(HeliostatLine {
                     id: self.loaded.field.ids()[row].clone(),
                     observations: found.state.heliostats()[place].records as usize,
                     values_mrad: mrad(values),
                     sigmas_mrad: mrad(sigmas),
                     records: Vec::new(),
-                }
+                })
             })
             .collect();
+        let mut lines = lines?;
         for (line, (row, _)) in lines.iter_mut().zip(&places) {
             line.records = std::mem::take(&mut of_row[*row]);
         }
-        lines
+        Ok(lines)
     }
 }

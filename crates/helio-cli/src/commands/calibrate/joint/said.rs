@@ -17,13 +17,13 @@ pub(super) fn for_people(unit: &str) -> (f64, &str) {
 
 /// The name of the target that a cause belongs to, or nothing.
 pub(super) fn target_of(cause: Cause, targets: &[(String, TargetPlane)]) -> &str {
-    match cause {
-        Cause::TargetRight(k) | Cause::TargetDown(k) => {
-            targets.get(k).map_or("", |(name, _)| name.as_str())
-        }
-        Cause::Axis(_) | Cause::SunTime => "",
-    }
+    let target = cause.target().and_then(|k| targets.get(k));
+    target.map_or("", |(name, _)| name.as_str())
 }
+
+/// Of a fit whose search ended early.
+pub(super) const STOPPED: &str = "the search for noise and wander stopped before its end: what is said of them, and \
+                                  what is expected of beams, is as it was found until then";
 
 fn cause_words(cause: &CommonCause, worth: &Worth, targets: &[(String, TargetPlane)]) -> String {
     let (factor, unit) = for_people(cause.cause.description().unit);
@@ -62,10 +62,7 @@ impl Run<'_> {
             printer.say(format_args!("{}", cause_words(cause, worth, targets)));
         }
         if !fit.converged {
-            printer.warn(format_args!(
-                "the search for noise and wander stopped before its end: what follows, and what is expected of beams, \
-                 is as it was found until then"
-            ));
+            printer.warn(STOPPED);
         }
         let (noise, wander) = (&fit.noise, &fit.wander);
         printer.say(format_args!(

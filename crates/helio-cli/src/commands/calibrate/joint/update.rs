@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use helio_calib::joint::{DAY_NS, FieldState, JumpSeen, Known, StepKind};
+use helio_calib::joint::{DAY_NS, FieldState, JumpSeen, Known, NO_TARGET, StepKind};
 use helio_calib::{Campaign, Observation, Parameter};
 use helio_io::{
     KeptMount, Observations, StateFile, format_time, hash_file, read_state, write_state,
@@ -11,7 +11,7 @@ use helio_io::{
 
 use super::known::Seen;
 use super::outputs::Found;
-use super::{Asked, Judged, JumpFound, NO_TARGET, Run};
+use super::{Asked, Judged, JumpFound, Run};
 use crate::Outcome;
 use crate::commands::calibrate::SAID;
 use crate::failure::Failure;
@@ -61,11 +61,11 @@ impl Run<'_> {
         provenance.options_hash = hash_file(path)?;
 
         let fresh = self.fresh(path, &state, &rows, &file.targets, &observations)?;
-        let before: HashMap<usize, Before> = fresh
+        let before: Result<HashMap<usize, Before>, Failure> = fresh
             .iter()
             .map(|one| {
                 let followed = &state.heliostats()[one.place];
-                let known = state.known(one.place, followed.last_day.unwrap_or_default());
+                let known = state.known(one.place, followed.last_day.unwrap_or_default())?;
                 let references_rad = references(&known);
                 let before = Before {
                     jumps: followed.jumps.clone(),
@@ -74,9 +74,10 @@ impl Run<'_> {
                         references_rad[axis] - known.zero_rad[axis]
                     }),
                 };
-                (one.index, before)
+                Ok((one.index, before))
             })
             .collect();
+        let before = before?;
         let campaigns: Vec<(usize, Campaign<'_>)> = fresh
             .iter()
             .filter_map(|one| {
@@ -112,12 +113,15 @@ impl Run<'_> {
                         step.references_rad[axis] - before.rest_rad[axis]
                     }),
                     zero_sigma_rad: step.references_sigma_rad,
-                    jumped: [0, 1].map(|axis| step.kind == StepKind::Jump(axis)),
+                    jumped: match step.kind {
+                        StepKind::Jump(axes) => axes,
+                        _ => [false; 2],
+                    },
                     alarm: Some(step.alarm),
                 });
             }
             let after = &parts.heliostats[one.place];
-            let last = state.known(one.place, after.last_day.unwrap_or_default());
+            let last = state.known(one.place, after.last_day.unwrap_or_default())?;
             let certain = after
                 .jumps
                 .iter()
@@ -151,6 +155,7 @@ impl Run<'_> {
             observations: &observations,
             targets: &file.targets,
             provenance: &provenance,
+            converged: true,
         };
         let written = self.write(asked, &found)?;
         // The state goes last: where anything failed, the same records can be given again.
@@ -275,7 +280,7 @@ impl Run<'_> {
                     old => format!("{} records are", Grouped(old as u64)),
                 },
                 path.display(),
-                observations.position(record),
+                observations.position(record)?,
                 self.loaded.field.ids()[row]
             );
             if fresh.is_empty() {
