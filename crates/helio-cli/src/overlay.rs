@@ -20,6 +20,8 @@ pub(crate) struct Drawing {
     pub(crate) plane: Option<Plane>,
     /// Gray value above which light counts, and the rectangle (left, top, right, bottom) within which it does.
     pub(crate) threshold: Option<(f64, [f64; 4])>,
+    /// Pieces of the outline of what counted, where the method tells it.
+    pub(crate) outline_px: Vec<[[f64; 2]; 2]>,
     /// Left, top, right, bottom of the window.
     pub(crate) window: Option<[f64; 4]>,
     /// Centre of the spot.
@@ -36,13 +38,12 @@ pub(crate) fn write(path: &Path, frame: &Frame, drawing: &Drawing) -> Result<(),
     };
     if let Some((threshold, within)) = drawing.threshold {
         match frame {
-            Frame::Gray8(picture) => {
-                canvas.outline(picture.view(), threshold, within, drawing.centre)
-            }
-            Frame::Gray16(picture) => {
-                canvas.outline(picture.view(), threshold, within, drawing.centre)
-            }
+            Frame::Gray8(picture) => canvas.outline(picture.view(), threshold, within),
+            Frame::Gray16(picture) => canvas.outline(picture.view(), threshold, within),
         }
+    }
+    for &[from, to] in &drawing.outline_px {
+        canvas.line(from, to, OUTLINE);
     }
     if let Some(plane) = &drawing.plane {
         let corners = plane.corners();
@@ -149,15 +150,8 @@ impl Canvas {
         }
     }
 
-    /// The edge of what is as bright as the threshold (means of 5 x 5 pixels, so that noise leaves no islands) and
-    /// hangs together with the centre; all of it where the centre is darker.
-    fn outline<P: Gray>(
-        &mut self,
-        view: View<'_, P>,
-        threshold: f64,
-        within: [f64; 4],
-        centre: Option<[f64; 2]>,
-    ) {
+    /// The edge of what is as bright as the threshold (means of 5 x 5 pixels, so that noise leaves no islands).
+    fn outline<P: Gray>(&mut self, view: View<'_, P>, threshold: f64, within: [f64; 4]) {
         let clamp = |c: f64, size: usize| c.round().clamp(0.0, size as f64 - 1.0) as usize;
         let (left, right) = (clamp(within[0], self.width), clamp(within[2], self.width));
         let (top, bottom) = (clamp(within[1], self.height), clamp(within[3], self.height));
@@ -177,17 +171,7 @@ impl Canvas {
                 f64::from(sum) >= threshold * count as f64
             })
             .collect();
-        let seed = centre.and_then(|[x, y]| {
-            let (column, row) = (x.round() - left as f64, y.round() - top as f64);
-            let inside = column >= 0.0 && row >= 0.0 && column < wide as f64 && row < high as f64;
-            let index = row.max(0.0) as usize * wide + column.max(0.0) as usize;
-            (inside && bright[index]).then_some(index)
-        });
-        let kept = match seed {
-            Some(seed) => connected(&bright, wide, seed),
-            None => bright,
-        };
-        for (index, _) in kept.iter().enumerate().filter(|(_, kept)| **kept) {
+        for (index, _) in bright.iter().enumerate().filter(|(_, bright)| **bright) {
             let (row, column) = (index / wide, index % wide);
             let inner = row > 0
                 && column > 0
@@ -195,33 +179,10 @@ impl Canvas {
                 && column + 1 < wide
                 && [index - 1, index + 1, index - wide, index + wide]
                     .iter()
-                    .all(|&beside| kept[beside]);
+                    .all(|&beside| bright[beside]);
             if !inner {
                 self.set((left + column) as f64, (top + row) as f64, OUTLINE);
             }
         }
     }
-}
-
-/// What hangs together with a place.
-fn connected(bright: &[bool], wide: usize, seed: usize) -> Vec<bool> {
-    let mut kept = vec![false; bright.len()];
-    let mut open = vec![seed];
-    kept[seed] = true;
-    while let Some(index) = open.pop() {
-        let column = index % wide;
-        let beside = [
-            (column > 0).then(|| index - 1),
-            (column + 1 < wide).then_some(index + 1),
-            index.checked_sub(wide),
-            Some(index + wide).filter(|&below| below < bright.len()),
-        ];
-        for next in beside.into_iter().flatten() {
-            if bright[next] && !kept[next] {
-                kept[next] = true;
-                open.push(next);
-            }
-        }
-    }
-    kept
 }

@@ -507,8 +507,7 @@ fn of_robust<P: Gray>(
     let at_px = [spot.x_px, spot.y_px];
     drawing.centre = Some(at_px);
     drawing.covariance_m2 = Some(spot.covariance_with_plane_m2);
-    let whole = [0.0, 0.0, view.width() as f64, view.height() as f64];
-    drawing.threshold = Some((spot.threshold, whole));
+    drawing.outline_px.extend(scratch.outline_px());
     row.threshold = Some(spot.threshold.round().max(0.0) as u32);
     row.area_px = Some(spot.area_px.round().max(0.0) as u64);
     row.row_column = Some([spot.y_px, spot.x_px]);

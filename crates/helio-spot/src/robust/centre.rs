@@ -94,6 +94,9 @@ struct Part {
 pub(super) struct CentreScratch {
     parts: Vec<Part>,
     bends: Vec<f32>,
+    /// Fine cells that counted for more than a half, row by row.
+    counted: Vec<bool>,
+    width: usize,
 }
 
 impl CentreScratch {
@@ -119,6 +122,10 @@ impl CentreScratch {
         };
         self.parts.clear();
         self.bends.clear();
+        self.counted.clear();
+        self.width = cells.fine.width;
+        self.counted
+            .resize(cells.fine.width * cells.fine.height, false);
         let high = (SATURATED * white) as f32;
         for row in 0..height {
             for column in 0..width {
@@ -171,6 +178,7 @@ impl CentreScratch {
                             continue;
                         }
                         let mask = f64::from(mask);
+                        self.counted[fine_row * cells.fine.width + columns.start + k] = mask > 0.5;
                         let value = f64::from(value);
                         let around = if even {
                             level + slope[0] * x + slope[1] * y
@@ -245,6 +253,35 @@ impl CentreScratch {
             }
         }
         Some(centre)
+    }
+
+    /// Nothing counted.
+    pub(super) fn clear(&mut self) {
+        self.counted.clear();
+    }
+
+    /// The sides between fine cells that counted and those that did not, from one end to the other in fine cells.
+    pub(super) fn sides(&self) -> impl Iterator<Item = [[f64; 2]; 2]> {
+        let width = self.width.max(1);
+        let height = self.counted.len() / width;
+        let counted = move |column: usize, row: usize| {
+            column < width && row < height && self.counted[row * width + column]
+        };
+        // Above and left of each cell, and of one cell more at the right and below.
+        (0..=height)
+            .flat_map(move |row| (0..=width).map(move |column| (column, row)))
+            .flat_map(move |(column, row)| {
+                let own = counted(column, row);
+                let corner = [column as f64 - 0.5, row as f64 - 0.5];
+                let left = column > 0 && counted(column - 1, row);
+                let above = row > 0 && counted(column, row - 1);
+                let side = |differs: bool, to: [f64; 2]| differs.then_some([corner, to]);
+                [
+                    side(own != left, [corner[0], corner[1] + 1.0]),
+                    side(own != above, [corner[0] + 1.0, corner[1]]),
+                ]
+            })
+            .flatten()
     }
 
     /// Where the centre would be with what is not seen of a spot that the target's edge cuts: the part beyond the edge

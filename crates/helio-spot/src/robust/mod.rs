@@ -147,6 +147,13 @@ impl SpotScratch {
     pub fn candidates(&self) -> impl ExactSizeIterator<Item = &Candidate> {
         self.candidates.iter().map(|(_, candidate, _)| candidate)
     }
+
+    /// The outline of the light that counted in the last frame: pieces of it, each from one place in the frame to another
+    /// \[px\], in no order. None where no spot was found.
+    pub fn outline_px(&self) -> impl Iterator<Item = [[f64; 2]; 2]> {
+        let sides = self.centre.sides();
+        sides.map(|side| side.map(|[column, row]| self.cells.middle_px(column, row)))
+    }
 }
 
 /// A lump's peak stands so many standard deviations out of the roughness around, at least.
@@ -213,9 +220,11 @@ pub fn find_spot<P: Gray>(
         Some(white) => f64::from(white.min(P::WHITE)),
         None => f64::from(P::WHITE),
     };
+    scratch.centre.clear();
     Ok(
         find(view, plane, options, white, scratch).unwrap_or_else(|status| {
             scratch.candidates.clear();
+            scratch.centre.clear();
             Spot::without(status, Flags::none())
         }),
     )

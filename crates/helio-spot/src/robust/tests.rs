@@ -264,6 +264,36 @@ fn cut_saturated_and_faint_are_told() {
 }
 
 /// The same whatever the scratch was used for before, and for the same picture in 16 bits.
+/// The foot of a Gaussian, 0.06 of its peak, is a circle of 2.37 standard deviations; the pieces go along the sides of
+/// cells, eight radii in all.
+#[test]
+fn the_outline_is_that_of_what_counted() {
+    let mut scene = scene();
+    let mut scratch = SpotScratch::default();
+    scene.beam = Some(gaussian(0.4, -0.3, 0.4));
+    let options = RobustOptions::default();
+    let found = look(&scene, 1, &options, &mut scratch);
+    let px_m = 8.0 / (0.7 * 320.0);
+    let radius = 0.6 * (-2.0 * f64::ln(0.06)).sqrt() / px_m;
+    let (mut pieces, mut length) = (0, 0.0);
+    for [from, to] in scratch.outline_px() {
+        pieces += 1;
+        length += (to[0] - from[0]).abs() + (to[1] - from[1]).abs();
+        let away = (from[0] - found.x_px).hypot(from[1] - found.y_px);
+        assert!((away - radius).abs() < 3.0, "{away} {radius}");
+    }
+    assert!(
+        pieces > 100 && (length / (8.0 * radius) - 1.0).abs() < 0.05,
+        "{pieces} {length}"
+    );
+    scene.beam = None;
+    assert_eq!(
+        look(&scene, 1, &options, &mut scratch).status,
+        SpotStatus::Empty
+    );
+    assert_eq!(scratch.outline_px().count(), 0);
+}
+
 #[test]
 fn scratch_leaves_no_trace() {
     let mut scene = scene();
