@@ -1,8 +1,8 @@
-"""Measures the method of T/GRLM 02-2014 on gray frames against OpenCV in one run; prints a table as Markdown.
+"""Measures the method of T/GRLM 02-2014 on gray frames against OpenCV in one run, and `robust` after it; prints Markdown.
 
-    python benches/run_spots.py [--rounds R] [--repeat N] [--work DIR]
+    python benches/run_spots.py [--rounds R] [--repeat N] [--work DIR] [--write-readme]
 
-One thread. Frames are synthetic; where HELIO_DATA names the folder of shared data, its gray camera frames and one crop
+The standard's method on one thread. Frames are synthetic; where HELIO_DATA names the folder of shared data, its gray camera frames and one crop
 too. helio-rs and every way of OpenCV run in every round, and the least time of a call counts. A peer whose threshold or
 area differs, or that finds a greater window sum, is named, and the exit status is 1.
 """
@@ -10,8 +10,10 @@ area differs, or that finds a greater window sum, is named, and the exit status 
 from __future__ import annotations
 
 import argparse
+import datetime
 import math
 import os
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -19,6 +21,7 @@ from typing import Any
 import run
 
 VARIANTS = ("box", "box32", "integral")
+BEGIN, END = "<!-- spot-speed:begin -->", "<!-- spot-speed:end -->"
 SAME = ("threshold", "area_px", "window_px")
 
 Key = tuple[str, str, bool]  # peer, frame, from the file
@@ -92,22 +95,47 @@ def table(best: dict[Key, dict[str, Any]]) -> str:
     return "\n".join(rows)
 
 
+def robust(plan: run.Plan) -> str:
+    """A table of frames per second, which the program writes itself."""
+    command = [str(plan.program("robust_speed")), "3"]
+    return subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout.strip()
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--work", type=Path, default=run.ROOT / "target" / "bench")
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--repeat", type=int, default=200, help="calls in a round")
+    parser.add_argument("--write-readme", action="store_true", help="replace the README's table")
     arguments = parser.parse_args()
+    if arguments.write_readme:
+        # before minutes of measuring
+        run.split_readme(BEGIN, END)
     plan = run.Plan(arguments.work.resolve(), arguments.rounds, arguments.repeat, arguments.repeat)
     plan.work.mkdir(parents=True, exist_ok=True)
     run.make_environment(plan)
-    run.run("cargo", "build", "--release", "--quiet", "-p", "helio-bench", "--bin", "spots")
+    run.run("cargo", "build", "--release", "--quiet", "-p", "helio-bench")
     best, loads = measure(plan, frames_of(plan), arguments.repeat)
-    print(table(best))
     version = next(line["version"] for line in best.values() if "version" in line)
-    print(f"\nOpenCV {version}, one thread, {run.processor()}, load {min(loads):.1f} to {max(loads):.1f}")
+    text = "\n".join(
+        [
+            f"{datetime.datetime.now(datetime.UTC):%Y-%m-%d}, {run.processor()}, {os.cpu_count()} cores; OpenCV {version}; "
+            f"least time of {arguments.rounds} rounds, load average {min(loads):.2f} to {max(loads):.2f}.",
+            "",
+            "`standard` (threshold by Otsu, area, window sums, greatest) and the fastest way of OpenCV to the same window, one thread:",
+            "",
+            table(best),
+            "",
+            "`robust` with marks and homography, from memory:",
+            "",
+            robust(plan),
+        ]
+    )
+    print(text)
     wrong = disagreements(best)
     print("\n".join(wrong), file=sys.stderr)
+    if arguments.write_readme and not wrong:
+        run.write_readme(f"{text}\n", BEGIN, END)
     sys.exit(1 if wrong else 0)
 
 

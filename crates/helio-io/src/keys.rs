@@ -921,6 +921,11 @@ pub(crate) static MARKS: Key = optional(
     Kind::Word(&["four-corners", "two-panel-upper", "two-panel-lower"]),
     "The black marks of the target: an L in each corner, or L and T marks of the upper or the lower of two panels. Default: four-corners.",
 );
+pub(crate) static MARKS_SIGMA: Key = optional(
+    "marks_sigma_m",
+    Kind::Number(0.0, 10.0),
+    "How well the places of the marks on the target are known: one standard deviation right as down, in metres. Default: 0.01.",
+);
 pub(crate) static FX: Key = required(
     "fx_px",
     Kind::Number(1.0, 1e7),
@@ -951,6 +956,7 @@ pub(crate) static TARGET_FILE: &[&Key] = &[
     &CORNERS,
     &CORNERS_SIGMA,
     &MARKS,
+    &MARKS_SIGMA,
     &CAMERA,
 ];
 

@@ -11,6 +11,9 @@ use crate::toml::{Section, Source};
 
 /// How well corners are known whose file does not say so \[px\].
 const CORNERS_SIGMA_PX: f64 = 0.5;
+/// How well the places of marks on a target are known whose file does not say so \[m\]. On the boards of the Jülich
+/// tower that is how far the corners of marks lie from the published ones.
+const MARKS_SIGMA_M: f64 = 0.01;
 /// No corner is seen farther away \[px\].
 const FAR_PX: f64 = 1e6;
 
@@ -24,6 +27,8 @@ pub struct CameraTarget {
     pub board: Board,
     /// Where a fixed camera sees it, if that is known; otherwise its marks are to be looked for.
     pub plane: Option<Plane>,
+    /// How well the places of its marks on the target are known: one standard deviation right as down \[m\].
+    pub marks_sigma_m: f64,
     /// The camera's lens, where its distortion is known.
     pub lens: Option<Lens>,
 }
@@ -72,7 +77,12 @@ pub fn load_target(path: &Path) -> Result<CameraTarget, IoError> {
         None => None,
     };
     let sigma_px = file.number(&keys::CORNERS_SIGMA)?;
+    let marks_sigma_m = file.number(&keys::MARKS_SIGMA)?;
     let plane = match file.corners(&keys::CORNERS, FAR_PX)? {
+        Some(_) if marks_sigma_m.is_some() => {
+            let message = "marks are not looked for where corners_px is given".into();
+            return Err(file.error(&keys::MARKS_SIGMA, Problem::Conflict { message }));
+        }
         Some(at_px) => {
             let corners = Corners::given(at_px, sigma_px.unwrap_or(CORNERS_SIGMA_PX));
             let plane = Plane::new(board, corners, lens).map_err(|error| {
@@ -94,6 +104,7 @@ pub fn load_target(path: &Path) -> Result<CameraTarget, IoError> {
         name: file.text(&keys::BOARD_NAME)?.map(str::to_string),
         board,
         plane,
+        marks_sigma_m: marks_sigma_m.unwrap_or(MARKS_SIGMA_M),
         lens,
     })
 }
@@ -232,6 +243,10 @@ mod tests {
         assert!(word.contains("did you mean `two-panel-upper`?"), "{word}");
         let alone = refused(&format!("{GOOD}corners_sigma_px = 1\n"));
         assert!(alone.contains("corners_px is missing"), "{alone}");
+        let both = refused(&format!(
+            "{GOOD}corners_px = [[0, 0], [9, 0], [9, 9], [0, 9]]\nmarks_sigma_m = 0.1\n"
+        ));
+        assert!(both.contains("marks are not looked for"), "{both}");
         let camera = refused(&format!("{GOOD}[camera]\nfx_px = 1000\n"));
         assert!(camera.contains("camera.fy_px is missing"), "{camera}");
         assert!(refused("width_m 3\n").contains("not valid TOML"));

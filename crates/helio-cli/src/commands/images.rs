@@ -47,7 +47,11 @@ pub(crate) fn run(args: &SimulateImagesArgs, printer: &Printer) -> Result<Outcom
     if args.find_marks {
         text = text
             .lines()
-            .filter(|line| !line.starts_with("corners") && !line.starts_with('#'))
+            .filter(|line| !line.starts_with("corners_px") && !line.starts_with('#'))
+            .map(|line| match line.starts_with("corners_sigma_px") {
+                true => "marks_sigma_m = 0.0",
+                false => line,
+            })
             .fold(String::new(), |text, line| text + line + "\n");
     }
     write_file(&folder.join("target.toml"), text.as_bytes())?;

@@ -400,6 +400,7 @@ impl<'a> Finder<'a> {
         let board = self.target.board;
         let of = |corners: Corners| Plane::new(board, corners, self.target.lens);
         let found = find_corners(view, &board, &FindOptions::default(), &mut room.marks)
+            .map(|corners| corners.with_survey(&board, self.target.marks_sigma_m))
             .and_then(|corners| Ok((of(corners)?, corners)));
         let (plane, corners) = found.map_err(|error| error.to_string())?;
         let hidden = !corners.seen.iter().all(|&seen| seen);

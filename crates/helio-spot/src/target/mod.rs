@@ -109,6 +109,27 @@ impl Corners {
             marks: None,
         }
     }
+
+    /// The same, of a board on which the places of the marks are known to one standard deviation `sigma_m` each, right
+    /// as down \[m\]: that much less certain.
+    #[must_use]
+    pub fn with_survey(mut self, board: &Board, sigma_m: f64) -> Self {
+        let side = |i: usize| {
+            let [[ax, ay], [bx, by]] = [self.at_px[i], self.at_px[(i + 1) % 4]];
+            let metres = if i % 2 == 0 {
+                board.width_m
+            } else {
+                board.height_m
+            };
+            (bx - ax).hypot(by - ay) / metres
+        };
+        // the mean scale of the two sides that meet in the corner
+        let px_per_m = [0, 1, 2, 3].map(|i| 0.5 * (side(i) + side((i + 3) % 4)));
+        for (own, px_per_m) in self.sigma_px.iter_mut().zip(px_per_m) {
+            *own = own.hypot(sigma_m * px_per_m);
+        }
+        self
+    }
 }
 
 /// Why there is no way from pixels to metres.
@@ -381,6 +402,23 @@ mod tests {
                     return x * (-2.0 * s.ln() / s).sqrt();
                 }
             }
+        }
+    }
+
+    #[test]
+    fn marks_are_no_better_known_than_they_were_surveyed() {
+        let exact = Corners::given(SEEN, 0.0);
+        let plane = Plane::new(BOARD, exact.with_survey(&BOARD, 0.02), None).unwrap();
+        for corner in SEEN {
+            let [[uu, _], [_, vv]] = plane.covariance_m2(corner).unwrap();
+            for variance in [uu, vv] {
+                assert!((variance.sqrt() / 0.02 - 1.0).abs() < 0.1, "{variance}");
+            }
+        }
+        let both = Corners::given(SEEN, 3.0).with_survey(&BOARD, 0.02).sigma_px;
+        let alone = exact.with_survey(&BOARD, 0.02).sigma_px;
+        for (both, alone) in both.into_iter().zip(alone) {
+            assert!((both - alone.hypot(3.0)).abs() < 1e-12);
         }
     }
 
