@@ -50,6 +50,6 @@ pub use observations::{
 };
 pub use schema::schema;
 pub use small::{Angles, AnglesSun, PresentAngles, Suns, load_angles, load_present, load_suns};
-pub use state::{KeptMount, STATE_FORMAT, StateFile, read_state, write_state};
+pub use state::{KeptDrive, KeptMount, STATE_FORMAT, StateFile, read_state, write_state};
 pub use table::PARQUET_THREAD;
 pub use times::{TimeRange, format_time, parse_step, parse_time};
