@@ -233,6 +233,38 @@ fn where_no_heliostat_has_a_cause_of_its_own_none_is_claimed() {
     assert!(claimed.is_empty(), "{claimed:.2?}");
 }
 
+/// Also where the formula is made linear once only.
+#[test]
+fn causes_of_each_heliostat_are_asked_for_evidence_at_one_expansion_too() {
+    for (there, causes) in [(true, known_causes()), (false, FieldCauses::default())] {
+        for seed in 1..=6 {
+            let options = FieldOptions {
+                mode: pitch_roll(),
+                heliostats: 30,
+                records: 30,
+                causes: causes.clone(),
+                ..base(seed)
+            };
+            let how = JointOptions {
+                expansions: 1,
+                ..JointOptions::new(options.site.latitude_rad())
+            };
+            let (_, fit) = run(&options, &how);
+            let own = fit.causes.iter().find(|cause| cause.cause == OWN).unwrap();
+            println!("seed {seed}, there {there}: {own:.4?}");
+            assert_eq!(own.admitted, there, "{own:?}");
+            assert_eq!(own.admitted, own.log_evidence >= how.least_log_evidence);
+            if there {
+                let z = (own.value - causes.pose_errors.axis2_eccentricity_rad) / own.sigma;
+                assert!(z.abs() < 4.0, "{z}: {own:?}");
+                assert!(own.spread > 0.0, "{own:?}");
+            } else {
+                assert_eq!((own.value, own.spread), (0.0, 0.0), "{own:?}");
+            }
+        }
+    }
+}
+
 // ------------------------------------------------------------------------------- noise, wander, distribution
 
 #[test]

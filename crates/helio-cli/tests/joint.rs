@@ -604,6 +604,165 @@ fn the_layout_may_grow_but_not_move() {
     assert_eq!(rows(&folder.read("table.csv")).len(), 499);
 }
 
+/// A state goes on neither with drives whose steps mean something else, nor where a byte of it is not as it was written.
+#[test]
+fn a_drive_that_changed_and_a_damaged_state_are_refused() {
+    let (folder, ..) = sagging();
+    let toml = folder.read("field.toml");
+    let drive =
+        "[heliostats.drive.axis2]\ntype = \"encoder\"\nsteps_per_deg = 5000\nzero_steps = 1200\n";
+    let with = |drive: &str| folder.write("field.toml", format!("{toml}{drive}"));
+    with(drive);
+    let joint = [
+        "--joint",
+        "--observations",
+        "seen.csv",
+        "--state",
+        "s.parquet",
+    ];
+    calibrate(&folder, &[&joint[..], &["--out", "t.csv"]].concat()).good();
+    let begun = bytes(&folder, "s.parquet");
+    let update = || {
+        let args = [
+            "--update",
+            "s.parquet",
+            "--observations",
+            "next.csv",
+            "--out",
+            "t.csv",
+        ];
+        calibrate(&folder, &args)
+    };
+    let refused = |words: &str, state: &[u8]| {
+        folder.write("t.csv", "as it was");
+        let run = update();
+        assert_eq!(run.code(), 2);
+        assert!(run.stderr().contains(words), "{}", run.stderr());
+        assert!(bytes(&folder, "s.parquet") == state);
+        assert_eq!(folder.read("t.csv"), "as it was");
+    };
+    let wanted = "heliostat `S00`: has a drive of axis 2 that stands at ";
+    with(&drive.replace("1200", "1300"));
+    refused(wanted, &begun);
+    with(&drive.replace("5000", "5001"));
+    refused(wanted, &begun);
+    with("");
+    refused("has a drive of axis 2 there and none in this field", &begun);
+
+    with(drive);
+    // a digit of what is common
+    let number = begun
+        .windows(13)
+        .position(|w| w == b"\"prior_sigma\"")
+        .unwrap();
+    let digit = (number + 14..)
+        .find(|&k| begun[k].is_ascii_digit())
+        .unwrap();
+    let mut damaged = begun.clone();
+    damaged[digit] = b'0' + (damaged[digit] - b'0' + 1) % 10;
+    folder.write("s.parquet", &damaged);
+    refused(
+        "s.parquet: it is not as it was written: its checksum is",
+        &damaged,
+    );
+    folder.write("s.parquet", &begun[..begun.len() / 2]);
+    refused("s.parquet: it is not whole", &begun[..begun.len() / 2]);
+    folder.write("s.parquet", &begun);
+    update().good();
+    // which state a table goes on from
+    let hash = rows(&folder.read("t.csv"))[0]["options_hash"].clone();
+    assert!(begun.windows(64).any(|w| w == hash.as_bytes()));
+}
+
+/// A target of which the state has no record yet: its shifts are learnt.
+#[test]
+fn a_target_may_come_later() {
+    let (folder, options, _) = sagging();
+    let seen = folder.read("seen.csv");
+    let without: Vec<&str> = seen.lines().filter(|l| !l.contains(",board2,")).collect();
+    assert!(without.len() < seen.lines().count());
+    folder.write("seen.csv", without.join("\n") + "\n");
+    let joint = [
+        "--joint",
+        "--observations",
+        "seen.csv",
+        "--state",
+        "s.parquet",
+    ];
+    calibrate(&folder, &[&joint[..], &["--out", "t.csv"]].concat()).good();
+    let begun = bytes(&folder, "s.parquet");
+    let next = folder.read("next.csv");
+    let (head, records) = next.split_once('\n').unwrap();
+    let of = |board: &str| -> String {
+        let lines = records.lines().filter(|l| l.contains(board));
+        lines.fold(format!("{head}\n"), |all, line| all + line + "\n")
+    };
+    let update = |records: &str, more: &[&str]| {
+        folder.write("new.csv", records);
+        let args = ["--update", "s.parquet", "--observations", "new.csv"];
+        let out = [
+            "--out",
+            "t.csv",
+            "--causes",
+            "causes.csv",
+            "--report",
+            "t.html",
+        ];
+        calibrate(&folder, &[&args[..], &out, more].concat())
+    };
+    let found = |target: &str| -> Vec<Row> {
+        let causes = rows(&folder.read("causes.csv")).into_iter();
+        causes.filter(|cause| cause["target"] == target).collect()
+    };
+    // Records on other targets need no room for it.
+    let run = update(&of(",board0,"), &["--state", "other.parquet"]);
+    run.good();
+    assert!(
+        !run.stderr().contains("new to the state"),
+        "{}",
+        run.stderr()
+    );
+    assert_eq!((found("board1").len(), found("board2").len()), (2, 0));
+
+    for threads in ["1", "4"] {
+        folder.write("s.parquet", &begun);
+        let run = update(&next, &["--threads", threads]);
+        run.good();
+        let words = "target `board2` is new to the state: how its spots are shifted is learnt";
+        assert!(run.stderr().contains(words), "{}", run.stderr());
+        if threads == "1" {
+            folder.write("one.parquet", bytes(&folder, "s.parquet"));
+        }
+    }
+    assert!(bytes(&folder, "s.parquet") == bytes(&folder, "one.parquet"));
+    let shifts = found("board2");
+    assert_eq!(shifts.len(), 2);
+    for (shift, truth) in shifts.iter().zip(options.causes.target_shift_m[2]) {
+        let (value, sigma) = (number(shift, "value"), number(shift, "sigma"));
+        println!(
+            "{}: {value:.4} m, sigma {sigma:.4}, in truth {truth}",
+            shift["cause"]
+        );
+        assert!(
+            sigma < 0.03 && (value - truth).abs() < 3.0 * sigma,
+            "{shift:?}"
+        );
+    }
+    assert!(folder.read("t.html").contains("board2: shift to the right"));
+    // It is one of the state's targets from now on, which must stay.
+    let toml = folder.read("field.toml");
+    let moved = toml.replace("[-17.6, ", "[-17.5, ");
+    assert!(moved != toml);
+    folder.write("field.toml", moved);
+    let run = update(&next.replace("2025-09", "2025-10"), &[]);
+    assert_eq!(run.code(), 2);
+    assert!(
+        run.stderr().contains("target `board2` has its centre at"),
+        "{}",
+        run.stderr()
+    );
+}
+
 #[test]
 fn what_does_not_go_together_is_refused_before_anything_is_read() {
     let folder = Folder::empty();

@@ -4,8 +4,10 @@
 //! the field as JSON in the file's metadata. See `docs/files.md`.
 
 use std::collections::HashMap;
+use std::f64::consts::PI;
 use std::fs::File;
 use std::io::Read;
+use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 use std::thread::Builder;
@@ -20,6 +22,7 @@ use helio_calib::joint::{
     AccountParts, Alarm, AxisCause, Cause, HeliostatParts, JumpSeen, Mishaps, Noise, StateParts,
     Wander,
 };
+use helio_core::drive::Drive;
 use helio_core::{Enu, EnuUnit, TargetPlane};
 use parquet::arrow::ArrowWriter;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
@@ -27,19 +30,30 @@ use parquet::basic::Compression;
 use parquet::errors::ParquetError;
 use parquet::file::metadata::KeyValue;
 use parquet::file::properties::{EnabledStatistics, WriterProperties};
+use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use crate::atomic::write_file;
 use crate::error::{IoError, Place, Problem, quoted};
 use crate::field::LoadedField;
+use crate::hash::Sha256;
 use crate::table::PARQUET_THREAD;
 
 /// The format that this program writes, and the only one that it reads.
-pub const STATE_FORMAT: u32 = 1;
+pub const STATE_FORMAT: u32 = 2;
 /// The key of the format's number in the file's metadata.
 const FORMAT_KEY: &str = "helio_state";
 /// The key of what is common.
 const COMMON_KEY: &str = "helio_state_common";
+/// The key of the checksum, a text of [`SEAL_LENGTH`] digits.
+const SEAL_KEY: &str = "helio_state_sha256";
+const SEAL_LENGTH: usize = 64;
+/// Bytes of a piece: several are summed side by side.
+const SEALED_TOGETHER: usize = 1 << 20;
+/// What stands between that key and its text in the footer: in Thrift's compact protocol a text follows, of that length.
+const SEAL_BEGINS: [u8; 2] = [0x18, SEAL_LENGTH as u8];
+/// What every Parquet file begins and ends with.
+const MAGIC: &[u8; 4] = b"PAR1";
 /// A pivot, a target or a mirror offset that moved by less is where it was \[m\].
 const SAME_M: f64 = 1e-3;
 /// A direction or a latitude that turned by less is as it was \[rad\].
@@ -52,6 +66,8 @@ pub struct StateFile {
     pub parts: StateParts,
     /// The targets that causes count: [`Cause::Target`] of 1 is the second of these.
     pub targets: Vec<(String, TargetPlane)>,
+    /// Longitude of the site \[rad\], which says where the sun stood.
+    pub site_longitude_rad: f64,
     /// How each heliostat stands, in the order of the parts.
     pub mounts: Vec<KeptMount>,
     /// Version of the program that wrote it.
@@ -69,18 +85,129 @@ pub struct KeptMount {
     pub axis1: Enu,
     /// The fixed axis.
     pub axis3: Enu,
+    /// What the steps of either axis mean, where it has a drive.
+    pub drives: [Option<KeptDrive>; 2],
+}
+
+/// What the steps of a drive mean: some angles of its axis \[rad\], each with the steps there. Its ends do not count.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct KeptDrive(pub [[f64; 2]; 4]);
+
+impl KeptDrive {
+    /// Of a drive.
+    #[must_use]
+    pub fn of(drive: &Drive) -> Option<Self> {
+        let drive = endless(drive);
+        let (low, high) = drive.range_rad();
+        let (low, high) = if (high - low).is_finite() {
+            (low, high)
+        } else {
+            (-PI, PI)
+        };
+        let mut kept = [[0.0; 2]; 4];
+        // not at its ends, where a triangle that is flat turns without steps
+        for (pair, share) in kept.iter_mut().zip([0.125, 0.375, 0.625, 0.875]) {
+            let angle_rad = low + share * (high - low);
+            *pair = [angle_rad, drive.steps(angle_rad)?];
+        }
+        Some(Self(kept))
+    }
+
+    fn from_numbers(numbers: &[f64]) -> Option<Self> {
+        let (pairs, []) = numbers.as_chunks::<2>() else {
+            return None;
+        };
+        Some(Self(pairs.try_into().ok()?))
+    }
+
+    /// What another drive makes of the same steps, where that is something else.
+    fn differs(&self, now: &Drive) -> Option<String> {
+        let now = endless(now);
+        self.0.iter().find_map(|&[angle_rad, steps]| {
+            let found = now.angle_rad(steps);
+            let same = found.is_some_and(|found| within(found - angle_rad, SAME_RAD));
+            let shown = found.map_or("nowhere".to_owned(), |found| {
+                format!("at {} degrees", degrees(found))
+            });
+            (!same).then(|| {
+                format!(
+                    "at {} degrees there at {steps} steps and {shown} in this field",
+                    degrees(angle_rad)
+                )
+            })
+        })
+    }
+}
+
+/// The same mechanism without its ends.
+fn endless(drive: &Drive) -> Drive {
+    let (low, high) = (f64::NEG_INFINITY, f64::INFINITY);
+    match *drive {
+        Drive::Encoder(encoder) => encoder.with_range(low, high).map(Drive::Encoder),
+        Drive::Triangle(triangle) => triangle
+            .with_range(low, high)
+            .and_then(|triangle| triangle.with_stops(low, high))
+            .map(Drive::Triangle),
+        other => Ok(other),
+    }
+    .unwrap_or(*drive)
 }
 
 impl KeptMount {
-    /// Of a mount.
+    /// Of a mount and the drives of its axes.
     #[must_use]
-    pub fn of(mount: &Mount) -> Self {
+    pub fn of(mount: &Mount, drives: &[Option<Drive>; 2]) -> Self {
         Self {
             pivot: mount.pivot,
             mirror_offset_m: mount.mirror_offset_m,
             axis1: mount.axes.axis1,
             axis3: mount.axes.axis3,
+            drives: drives.map(|drive| drive.as_ref().and_then(KeptDrive::of)),
         }
+    }
+
+    /// What of a field's mount and drives is not as it was.
+    fn differs(&self, mount: &Mount, drives: &[Option<Drive>; 2]) -> Option<String> {
+        let now = Self::of(mount, drives);
+        if !within((now.pivot - self.pivot).norm(), SAME_M) {
+            return Some(format!(
+                "has its pivot at {} there and at {} in this field",
+                shown(self.pivot),
+                shown(now.pivot)
+            ));
+        }
+        if !within(now.mirror_offset_m - self.mirror_offset_m, SAME_M) {
+            return Some(format!(
+                "has a mirror offset of {} m there and of {} m in this field",
+                self.mirror_offset_m, now.mirror_offset_m
+            ));
+        }
+        if !within((now.axis3 - self.axis3).norm(), SAME_RAD)
+            || !within((now.axis1 - self.axis1).norm(), SAME_RAD)
+        {
+            return Some(format!(
+                "has its fixed axis along {} there and along {} in this field",
+                shown(self.axis3),
+                shown(now.axis3)
+            ));
+        }
+        let pairs = self.drives.iter().zip(drives);
+        pairs.enumerate().find_map(|(axis, (kept, now))| {
+            let axis = axis + 1;
+            match (kept, now) {
+                (None, None) => None,
+                (Some(kept), Some(now)) => {
+                    let stands = kept.differs(now)?;
+                    Some(format!("has a drive of axis {axis} that stands {stands}"))
+                }
+                (None, Some(_)) => Some(format!(
+                    "has no drive of axis {axis} there and one in this field"
+                )),
+                (Some(_), None) => Some(format!(
+                    "has a drive of axis {axis} there and none in this field"
+                )),
+            }
+        })
     }
 
     fn numbers(&self) -> [f64; 10] {
@@ -108,6 +235,7 @@ impl KeptMount {
             mirror_offset_m,
             axis1: Enu::new(a, b, c),
             axis3: Enu::new(f, g, h),
+            drives: [None; 2],
         })
     }
 }
@@ -117,23 +245,25 @@ impl StateFile {
     /// field, or nothing where the field no longer has it.
     ///
     /// # Errors
-    /// [`IoError`] where the site, a target or a mount is not where it was when the state was begun.
+    /// [`IoError`] where the site, a target or a mount is not where it was when the state was begun, or the steps of a
+    /// drive mean other angles.
     pub fn rows(&self, path: &Path, loaded: &LoadedField) -> Result<Vec<Option<usize>>, IoError> {
         let other = |message: String| Err(conflict(path, None, message));
-        match &loaded.site {
-            None => {
-                return other(
-                    "it belongs to a field with a [site], which this field has not".into(),
-                );
-            }
-            Some(site) if !within(site.latitude_rad - self.parts.site_latitude_rad, SAME_RAD) => {
+        let Some(site) = &loaded.site else {
+            return other("it belongs to a field with a [site], which this field has not".into());
+        };
+        let (latitude_rad, longitude_rad) = (self.parts.site_latitude_rad, self.site_longitude_rad);
+        for (what, kept, now) in [
+            ("latitude", latitude_rad, site.latitude_rad),
+            ("longitude", longitude_rad, site.longitude_rad),
+        ] {
+            if !within(now - kept, SAME_RAD) {
                 return other(format!(
-                    "it is of another field: its site lies at a latitude of {} degrees, this field's at {}",
-                    degrees(self.parts.site_latitude_rad),
-                    degrees(site.latitude_rad)
+                    "it is of another field: its site lies at a {what} of {} degrees, this field's at {}",
+                    degrees(kept),
+                    degrees(now)
                 ));
             }
-            _ => {}
         }
         for (name, kept) in &self.targets {
             let Some(area) = loaded.targets.get(name).and_then(|t| t.area.as_ref()) else {
@@ -181,27 +311,8 @@ impl StateFile {
                 let Some(&row) = ids.get(heliostat.id.as_str()) else {
                     return Ok(None);
                 };
-                let now = KeptMount::of(&Mount::of(field.mode(), &field.heliostats()[row]));
-                let found = if !within((now.pivot - kept.pivot).norm(), SAME_M) {
-                    format!(
-                        "has its pivot at {} there and at {} in this field",
-                        shown(kept.pivot),
-                        shown(now.pivot)
-                    )
-                } else if !within(now.mirror_offset_m - kept.mirror_offset_m, SAME_M) {
-                    format!(
-                        "has a mirror offset of {} m there and of {} m in this field",
-                        kept.mirror_offset_m, now.mirror_offset_m
-                    )
-                } else if !within((now.axis3 - kept.axis3).norm(), SAME_RAD)
-                    || !within((now.axis1 - kept.axis1).norm(), SAME_RAD)
-                {
-                    format!(
-                        "has its fixed axis along {} there and along {} in this field",
-                        shown(kept.axis3),
-                        shown(now.axis3)
-                    )
-                } else {
+                let mount = Mount::of(field.mode(), &field.heliostats()[row]);
+                let Some(found) = kept.differs(&mount, &loaded.drives[row]) else {
                     return Ok(Some(row));
                 };
                 let message = format!(
@@ -282,6 +393,7 @@ fn common_json(state: &StateFile) -> Value {
     json!({
         "version": state.version,
         "site_latitude_rad": text(&[parts.site_latitude_rad]),
+        "site_longitude_rad": text(&[state.site_longitude_rad]),
         "noise_beam_mrad_spot_m_sun_path_s": text(&[n.beam_mrad, n.spot_m, n.sun_path_s]),
         "wander_slow_mrad_days_fast_mrad_days": text(&[
             w.slow_mrad[0], w.slow_mrad[1], w.slow_days, w.fast_mrad[0], w.fast_mrad[1], w.fast_days,
@@ -368,6 +480,9 @@ fn batch(state: &StateFile) -> Result<RecordBatch, arrow::error::ArrowError> {
         }
         lists.array()
     };
+    let drive = |axis: usize| {
+        lists(&|_, mount| mount.drives[axis].map_or(Vec::new(), |kept| kept.0.concat()))
+    };
     let of_account = |of: &dyn for<'a> Fn(&'a AccountParts) -> &'a [f64]| {
         let mut lists = Lists::default();
         for (heliostat, _, account) in &rows {
@@ -436,6 +551,8 @@ fn batch(state: &StateFile) -> Result<RecordBatch, arrow::error::ArrowError> {
         ),
         ("undecided_days", lists(&|h, _| h.undecided.clone())?, false),
         ("mount", lists(&|_, mount| mount.numbers().to_vec())?, false),
+        ("drive1", drive(0)?, false),
+        ("drive2", drive(1)?, false),
         (
             "log_likelihood",
             number_of_account(&|a| a.log_likelihood),
@@ -467,7 +584,7 @@ fn batch(state: &StateFile) -> Result<RecordBatch, arrow::error::ArrowError> {
 }
 
 /// Writes a state; the number of its bytes. The same state gives the same bytes, and reading them back the same
-/// doubles.
+/// doubles. The file carries its own checksum.
 ///
 /// # Errors
 /// [`IoError`] if it cannot be written, or its mounts are not as many as its heliostats; what stood in its place
@@ -488,6 +605,7 @@ fn bytes_of(state: &StateFile) -> Result<Vec<u8>, ParquetError> {
     let metadata = vec![
         KeyValue::new(FORMAT_KEY.to_owned(), STATE_FORMAT.to_string()),
         KeyValue::new(COMMON_KEY.to_owned(), common_json(state).to_string()),
+        KeyValue::new(SEAL_KEY.to_owned(), "0".repeat(SEAL_LENGTH)),
     ];
     // Split into bytes and compressed it would be smaller by a third, and slower to read and to write.
     let properties = WriterProperties::builder()
@@ -500,7 +618,43 @@ fn bytes_of(state: &StateFile) -> Result<Vec<u8>, ParquetError> {
     let mut writer = ArrowWriter::try_new(&mut bytes, batch.schema(), Some(properties))?;
     writer.write(&batch)?;
     writer.close()?;
+    let place = seal_in(&bytes)
+        .ok_or_else(|| ParquetError::General("the checksum has no place".to_owned()))?;
+    let seal = seal_of(&bytes, &place);
+    bytes[place].copy_from_slice(seal.as_bytes());
     Ok(bytes)
+}
+
+/// Where in a file its checksum stands.
+fn seal_in(bytes: &[u8]) -> Option<Range<usize>> {
+    let (rest, _) = bytes.split_last_chunk::<{ MAGIC.len() }>()?;
+    let (rest, length) = rest.split_last_chunk()?;
+    let footer = rest
+        .len()
+        .checked_sub(u32::from_le_bytes(*length) as usize)?;
+    let mark = [SEAL_KEY.as_bytes(), &SEAL_BEGINS].concat();
+    let before = rest[footer..].windows(mark.len()).position(|w| w == mark)?;
+    let from = footer + before + mark.len();
+    (from + SEAL_LENGTH <= rest.len()).then_some(from..from + SEAL_LENGTH)
+}
+
+/// SHA-256 of the SHA-256s of a file's pieces, with zeros where its checksum stands.
+fn seal_of(bytes: &[u8], place: &Range<usize>) -> String {
+    let of_piece = |(n, piece): (usize, &[u8])| {
+        let from = n * SEALED_TOGETHER;
+        let within = |at: usize| at.clamp(from, from + piece.len()) - from;
+        let (start, end) = (within(place.start), within(place.end));
+        let mut hash = Sha256::default();
+        hash.update(&piece[..start]);
+        hash.update(&[b'0'; SEAL_LENGTH][..end - start]);
+        hash.update(&piece[end..]);
+        hash.finish()
+    };
+    let pieces = bytes.par_chunks(SEALED_TOGETHER).enumerate();
+    let each: Vec<String> = pieces.map(of_piece).collect();
+    let mut hash = Sha256::default();
+    hash.update(each.concat().as_bytes());
+    hash.finish()
 }
 
 fn not_parquet(path: &Path, said: &str) -> IoError {
@@ -514,28 +668,22 @@ fn not_parquet(path: &Path, said: &str) -> IoError {
     )
 }
 
-/// Reads a state that [`write_state`] wrote.
+/// Reads a state that [`write_state`] wrote, and the checksum that it carries.
 ///
 /// # Errors
-/// [`IoError`] for a file that is no state, of another format, or not whole.
-pub fn read_state(path: &Path) -> Result<StateFile, IoError> {
-    let mut file = File::open(path).map_err(|error| IoError::read(path, error))?;
-    let mut magic = [0; 4];
-    let is_parquet = match file.read_exact(&mut magic) {
-        Ok(()) => &magic == b"PAR1",
-        Err(error) if error.kind() == std::io::ErrorKind::UnexpectedEof => false,
-        Err(error) => return Err(IoError::read(path, error)),
-    };
-    if !is_parquet {
-        let message = "it is no state of a followed field, which is a Parquet file; wanted what --joint --state \
-                       or --update wrote";
-        return Err(conflict(path, None, message.into()));
-    }
+/// [`IoError`] for a file that is no state, of another format, not whole, or not as it was written.
+pub fn read_state(path: &Path) -> Result<(StateFile, String), IoError> {
+    let refuse = |error| IoError::read(path, error);
+    let mut file = File::open(path).map_err(refuse)?;
+    let mut bytes = Vec::new();
+    file.read_to_end(&mut bytes).map_err(refuse)?;
+    let seal = sealed(&bytes).map_err(|message| conflict(path, None, message))?;
+    drop(bytes);
     // As for tables: the reader panics on some damaged files, which must not end the program.
     let reader = Builder::new().name(PARQUET_THREAD.to_string());
     let done = reader
-        .spawn(move || pages(file))
-        .map_err(|error| IoError::read(path, error))?
+        .spawn(move || pages(file, seal))
+        .map_err(refuse)?
         .join();
     match done {
         Ok(Ok(state)) => Ok(state),
@@ -543,6 +691,42 @@ pub fn read_state(path: &Path) -> Result<StateFile, IoError> {
         Ok(Err(Unread::Other(message))) => Err(conflict(path, None, message)),
         Err(_) => Err(not_parquet(path, "its pages are damaged")),
     }
+}
+
+/// Holds a file against its checksum, before anything in it is believed; nothing where it has none, which is then to
+/// be explained.
+fn sealed(bytes: &[u8]) -> Result<Option<String>, String> {
+    if !bytes.starts_with(MAGIC) {
+        return Err(
+            "it is no state of a followed field, which is a Parquet file; wanted what --joint --state or --update \
+             wrote"
+                .into(),
+        );
+    }
+    if !bytes[MAGIC.len()..].ends_with(MAGIC) {
+        return Err(format!(
+            "it is not whole: wanted `PAR1` as its last bytes, after {} bytes found {}; go on from a copy of it, \
+             or begin a new state with --joint",
+            bytes.len(),
+            quoted(
+                &bytes[bytes.len().saturating_sub(MAGIC.len())..]
+                    .escape_ascii()
+                    .to_string()
+            )
+        ));
+    }
+    let Some(place) = seal_in(bytes) else {
+        return Ok(None);
+    };
+    let found = seal_of(bytes, &place);
+    if found.as_bytes() != &bytes[place.clone()] {
+        return Err(format!(
+            "it is not as it was written: its checksum is {found}, and {} stands in it; go on from a copy of it, or \
+             begin a new state with --joint",
+            bytes[place].escape_ascii()
+        ));
+    }
+    Ok(Some(found))
 }
 
 enum Unread {
@@ -562,7 +746,7 @@ impl From<arrow::error::ArrowError> for Unread {
     }
 }
 
-fn pages(file: File) -> Result<StateFile, Unread> {
+fn pages(file: File, seal: Option<String>) -> Result<(StateFile, String), Unread> {
     let builder = ParquetRecordBatchReaderBuilder::try_new(file)?;
     let pairs = builder.metadata().file_metadata().key_value_metadata();
     let value = |key: &str| -> Option<String> {
@@ -582,6 +766,13 @@ fn pages(file: File) -> Result<StateFile, Unread> {
             quoted(&format)
         )));
     }
+    let seal = seal.ok_or_else(|| {
+        Unread::Other(format!(
+            "it is not as it was written: wanted its checksum as {} in its metadata, found none; go on from a copy \
+             of it, or begin a new state with --joint",
+            quoted(SEAL_KEY)
+        ))
+    })?;
     let common = value(COMMON_KEY).unwrap_or_default();
     let common: Value = serde_json::from_str(&common)
         .map_err(|error| Unread::Other(format!("{}: {error}", quoted(COMMON_KEY))))?;
@@ -591,7 +782,7 @@ fn pages(file: File) -> Result<StateFile, Unread> {
     for batch in builder.with_batch_size(rows.max(1)).build()? {
         take(&batch?, &mut state)?;
     }
-    Ok(state)
+    Ok((state, seal))
 }
 
 /// The JSON of what is common.
@@ -659,6 +850,7 @@ impl Common<'_> {
             self.numbers("mishaps_outlier_mrad_jump_mrad")?;
         let [false_alarm_rate, weight] = self.numbers("alarm_false_rate_weight")?;
         let [site_latitude_rad] = self.numbers("site_latitude_rad")?;
+        let [site_longitude_rad] = self.numbers("site_longitude_rad")?;
         let [square] = self.numbers("square")?;
         let [log_determinant] = self.numbers("log_determinant")?;
         Ok(StateFile {
@@ -696,6 +888,7 @@ impl Common<'_> {
                 heliostats: Vec::new(),
             },
             targets,
+            site_longitude_rad,
             mounts: Vec::new(),
             version: self.0["version"].as_str().unwrap_or_default().to_owned(),
         })
@@ -823,6 +1016,7 @@ fn take(batch: &RecordBatch, state: &mut StateFile) -> Result<(), Unread> {
         rows.number_lists("undecided_days")?,
         rows.number_lists("mount")?,
     );
+    let drives = [rows.number_lists("drive1")?, rows.number_lists("drive2")?];
     let (likelihood, square) = (rows.numbers("log_likelihood")?, rows.numbers("square")?);
     let [mean, gain, spread, matrix, vector] =
         ["mean", "gain", "spread", "matrix", "vector"].map(|name| rows.number_lists(name));
@@ -845,7 +1039,7 @@ fn take(batch: &RecordBatch, state: &mut StateFile) -> Result<(), Unread> {
             )));
         }
         if follows == 0 {
-            let mount = KeptMount::from_numbers(mounts.of(row)).ok_or_else(|| {
+            let mut mount = KeptMount::from_numbers(mounts.of(row)).ok_or_else(|| {
                 Unread::Other(format!(
                     "row {}: heliostat {}: mount must be 10 numbers, found {}",
                     row + 1,
@@ -853,6 +1047,19 @@ fn take(batch: &RecordBatch, state: &mut StateFile) -> Result<(), Unread> {
                     mounts.of(row).len()
                 ))
             })?;
+            for (axis, kept) in mount.drives.iter_mut().enumerate() {
+                let numbers = drives[axis].of(row);
+                *kept = KeptDrive::from_numbers(numbers);
+                if kept.is_none() && !numbers.is_empty() {
+                    return Err(Unread::Other(format!(
+                        "row {}: heliostat {}: drive{} must be 8 numbers or none, found {}",
+                        row + 1,
+                        quoted(id),
+                        axis + 1,
+                        numbers.len()
+                    )));
+                }
+            }
             state.mounts.push(mount);
             let pairs = jump_days.of(row).iter().zip(jump_axes.of(row));
             state.parts.heliostats.push(HeliostatParts {

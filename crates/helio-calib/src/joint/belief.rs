@@ -145,6 +145,11 @@ impl<T: Number> Room<T> {
             common: vec![zero; shape.common()],
         }
     }
+
+    /// h of the record that was weighed last, before it is believed.
+    pub fn by_common(&self) -> &[[T; 2]] {
+        &self.common
+    }
 }
 
 /// What records tell of what is common.
@@ -168,6 +173,13 @@ impl<T: Number> Told<T> {
             square: zero,
             determinant: T::splat(1.0),
         }
+    }
+
+    /// Takes in more causes, of which nothing is told yet.
+    pub fn grow(&mut self, shape: Shape) {
+        let zero = T::splat(0.0);
+        self.matrix.resize(Shape::triangle(shape.common()), zero);
+        self.vector.resize(shape.common(), zero);
     }
 }
 
@@ -496,6 +508,12 @@ impl Belief<f64> {
         belief
     }
 
+    /// Takes in more causes, that no record has met yet.
+    pub fn grow(&mut self, shape: Shape) {
+        self.shape = shape;
+        self.gain.resize(shape.own() * shape.common(), 0.0);
+    }
+
     /// See [`of_parts`](Self::of_parts).
     pub fn gain_by_rows(&self) -> Vec<f64> {
         let common = 0..self.shape.common();
@@ -518,15 +536,6 @@ impl<T: Number> Surprise<T> {
     pub fn square(&self) -> T {
         let [x, y] = self.expected;
         (x * self.per[0]).mul_add(x, (y * self.per[1]) * y)
-    }
-
-    /// What is left as two independent standard deviates, the common unknowns taken as given.
-    #[inline(always)]
-    pub fn deviates(&self) -> [T; 2] {
-        [
-            self.expected[0] * self.per[0].square_root(),
-            self.expected[1] * self.per[1].square_root(),
-        ]
     }
 
     /// Of S.

@@ -77,6 +77,20 @@ impl Common {
         })
     }
 
+    /// Takes in more unknowns, of which nothing but these standard deviations about zero is known.
+    pub fn grow(&mut self, prior_sigma: &[f64]) {
+        let (before, n) = (self.mean.len(), prior_sigma.len());
+        self.mean.resize(n, 0.0);
+        let mut covariance = vec![0.0; n * n];
+        for (to, from) in covariance.chunks_mut(n).zip(self.covariance.chunks(before)) {
+            to[..before].copy_from_slice(from);
+        }
+        for k in before..n {
+            covariance[k * n + k] = prior_sigma[k] * prior_sigma[k];
+        }
+        self.covariance = covariance;
+    }
+
     /// Mean of a heliostat's own unknowns.
     pub fn mean_of(&self, belief: &Belief<f64>) -> Vec<f64> {
         let by_common = |i: usize| -> f64 {

@@ -1,6 +1,7 @@
 //! The calibration follows the plant: records one after the other, in bounded memory.
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 
 use helio_core::{Enu, PoseErrors};
 use rayon::prelude::*;
@@ -11,8 +12,8 @@ use super::foretell::{Foretold, foretold, later, references, shared_values, zero
 use super::hyper::{Hyper, Marks, Noise, Wander, waited};
 use super::hypotheses::{Account, Mishaps, decide, told_by};
 use super::rows::{ANGLES, Expansion, MILLI, Rows, Structure, filter_unit, parameters, pole};
-use super::terms::{AxisCause, Cause};
-use super::{CommonCause, JointFit, UNFIT, WANDERING, is_free};
+use super::terms::{AxisCause, Cause, SpotCause};
+use super::{CommonCause, JointFit, NO_TARGET, UNFIT, WANDERING, is_free};
 use crate::error::{CalibrationError, in_place};
 use crate::field::Campaign;
 use crate::parameters::Parameters;
@@ -297,6 +298,40 @@ impl FieldState {
         self.heliostats.len() - 1
     }
 
+    /// Makes room for a target of which no record has been taken in: its shifts are as unknown as those of every target
+    /// before any record, and are learnt from those to come. [`update`](Self::update) does so by itself; what is
+    /// foretold before it of records on such a target otherwise takes it to be where it was surveyed. Nothing happens
+    /// where the state has the target, or asks for shifts of none.
+    pub fn add_target(&mut self, target: usize) {
+        let known = |of: &dyn Fn(Cause) -> bool| self.structure.shared.iter().any(|&c| of(c));
+        if target == NO_TARGET || known(&|cause| cause.target() == Some(target)) {
+            return;
+        }
+        let of_targets =
+            |cause: SpotCause| known(&|c| matches!(c, Cause::Target(other, _) if other == cause));
+        let new: Vec<Cause> = SpotCause::ALL
+            .iter()
+            .filter(|&&cause| of_targets(cause))
+            .filter_map(|cause| cause.of(Some(target)))
+            .collect();
+        for cause in new {
+            self.structure.shared.push(cause);
+            self.prior_sigma
+                .push(cause.description().expected * filter_unit(cause));
+        }
+        let shape = self.structure.shape();
+        self.told.told.grow(shape);
+        self.common.grow(&self.prior_sigma);
+        // as a state that is read back has it, to the last bit
+        if let Some(common) = Common::new(&self.told, &self.prior_sigma) {
+            self.common = common;
+        }
+        for account in self.heliostats.iter_mut().flat_map(|h| &mut h.accounts) {
+            account.belief.grow(shape);
+            account.told.grow(shape);
+        }
+    }
+
     /// Takes in new records: of each campaign the heliostat's place and its observations. Each heliostat's are
     /// taken in time; one older than its last record counts as made then. What is common is learnt anew after
     /// all of them, from every heliostat whose records leave no doubt.
@@ -320,6 +355,14 @@ impl FieldState {
                 });
             }
             asked[place] = Some(n);
+        }
+        let targets: BTreeSet<usize> = campaigns
+            .iter()
+            .flat_map(|(_, campaign)| campaign.observations)
+            .map(|observation| observation.target)
+            .collect();
+        for target in targets {
+            self.add_target(target);
         }
         let rates = self.hyper().rates();
         let context = Context {
@@ -613,7 +656,7 @@ impl Followed {
                     row,
                     context.rates,
                     context.mishaps,
-                    &context.common.mean,
+                    context.common,
                     context.alarm.weight,
                 );
                 let marks = &self.accounts[0].marks;

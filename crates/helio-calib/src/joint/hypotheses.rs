@@ -3,7 +3,8 @@
 //! Several accounts of a heliostat's records are carried side by side: that a record tells the truth, that
 //! its spot was found in a wrong place, that a zero point jumped just before it. The records to come decide.
 
-use super::belief::{Belief, REFERENCES, Rates, Room, Told};
+use super::belief::{Belief, REFERENCES, Rates, Room, Surprise, Told};
+use super::common::Common;
 use super::hyper::Marks;
 
 /// How often things go wrong.
@@ -129,12 +130,47 @@ pub(super) struct Held {
 }
 
 impl Held {
-    /// Twice the logarithm of the density, but for what all have in common.
-    fn log_density(&self) -> f64 {
+    /// S of a record is what is known of the heliostat with the common unknowns given; that these are known to some
+    /// covariance only comes to it. `slopes` are h.
+    fn of(surprise: &Surprise<f64>, slopes: &[[f64; 2]], common: &Common) -> Self {
+        let (mut covariance, left) = surprise.plain();
+        let n = common.mean.len();
+        for (h, line) in slopes.iter().zip(common.covariance.chunks_exact(n)) {
+            let mut through = [0.0; 2];
+            for (v, other) in line.iter().zip(slopes) {
+                through = [through[0] + v * other[0], through[1] + v * other[1]];
+            }
+            covariance[0] += h[0] * through[0];
+            covariance[1] += h[0] * through[1];
+            covariance[2] += h[1] * through[1];
+        }
+        Self { covariance, left }
+    }
+
+    fn determinant(&self) -> f64 {
+        let [a, b, c] = self.covariance;
+        a * c - b * b
+    }
+
+    /// Chi-squared with two degrees of freedom.
+    fn square(&self) -> f64 {
         let [a, b, c] = self.covariance;
         let [x, y] = self.left;
-        let determinant = a * c - b * b;
-        -0.5 * ((x * x * c - 2.0 * x * y * b + y * y * a) / determinant + libm::log(determinant))
+        (x * x * c - 2.0 * x * y * b + y * y * a) / self.determinant()
+    }
+
+    /// What is left as two independent standard deviates.
+    fn deviates(&self) -> [f64; 2] {
+        let [a, b, _] = self.covariance;
+        let [x, y] = self.left;
+        let mixed = b / a;
+        let second = self.determinant() / a;
+        [x / libm::sqrt(a), (y - mixed * x) / libm::sqrt(second)]
+    }
+
+    /// Logarithm of the density, but for what all have in common.
+    fn log_density(&self) -> f64 {
+        -0.5 * (self.square() + libm::log(self.determinant()))
     }
 
     /// Where a change of variance `variance` may have come by `slope`.
@@ -187,7 +223,7 @@ impl Mishaps {
             });
         };
         let [a, b, c] = held.covariance;
-        if self.doubts(square, a * c - b * b) {
+        if self.doubts(square, held.determinant()) {
             if square > DOUBTFUL {
                 for (axes, share) in JUMPS {
                     let mut jumped = *held;
@@ -234,15 +270,15 @@ pub(super) fn decide(accounts: &mut Vec<Account>, k: usize) {
     accounts.retain(|account| account.marks.before(past) == best);
 }
 
-/// The accounts after record number `k`, likeliest first; what is common is taken as `common` to judge by, and a
-/// record that is believed counts `weight` in the drift.
+/// The accounts after record number `k`, likeliest first, judged by what is known of what is common; a record that is
+/// believed counts `weight` in the drift.
 pub(super) fn told_by(
     mut accounts: Vec<Account>,
     k: usize,
     row: &[f64],
     rates: &Rates,
     mishaps: &Mishaps,
-    common: &[f64],
+    common: &Common,
     weight: f64,
 ) -> Vec<Account> {
     let slopes = REFERENCES.map(|i| [row[2 * i], row[2 * i + 1]]);
@@ -250,12 +286,11 @@ pub(super) fn told_by(
     let mut surprises = Vec::with_capacity(accounts.len());
     for (parent, account) in accounts.iter_mut().enumerate() {
         let mut room = Room::of(account.belief.shape);
-        let surprise = account.belief.weigh(row, rates, common, &mut room);
-        let (covariance, left) = surprise.plain();
-        let held = Held { covariance, left };
+        let surprise = account.belief.weigh(row, rates, &common.mean, &mut room);
+        let held = Held::of(&surprise, room.by_common(), common);
         let of = (parent, account.log_likelihood);
-        mishaps.accounts(of, (&held, surprise.square()), slopes, &mut candidates);
-        surprises.push((surprise, room));
+        mishaps.accounts(of, (&held, held.square()), slopes, &mut candidates);
+        surprises.push((surprise, room, held.deviates()));
     }
     chosen(&mut candidates);
     let mut accounts: Vec<Option<Account>> = accounts.into_iter().map(Some).collect();
@@ -276,8 +311,8 @@ pub(super) fn told_by(
         account.log_likelihood = log_likelihood;
         match kind {
             Kind::Truth => {
-                let (surprise, room) = &mut surprises[parent];
-                account.drift.count(weight, surprise.deviates());
+                let (surprise, room, deviates) = &mut surprises[parent];
+                account.drift.count(weight, *deviates);
                 account.belief.believe(surprise, room, &mut account.told);
             }
             Kind::Outlier => {
@@ -287,7 +322,7 @@ pub(super) fn told_by(
             Kind::Jump(axes) => {
                 account.belief.loosen(mishaps.jumped(axes));
                 let mut room = Room::of(account.belief.shape);
-                let surprise = account.belief.weigh(row, rates, common, &mut room);
+                let surprise = account.belief.weigh(row, rates, &common.mean, &mut room);
                 let told = &mut account.told;
                 account.belief.believe(&surprise, &mut room, told);
                 let each = [0, 1].into_iter().filter(|&axis| axes[axis]);

@@ -1,5 +1,7 @@
 //! State files of followed fields.
 
+use std::fs::OpenOptions;
+use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use helio_calib::Mount;
@@ -8,7 +10,7 @@ use helio_calib::joint::{
     StateParts, Wander,
 };
 use helio_io::output::{Cells, Destination, Format, write_columns};
-use helio_io::{KeptMount, LoadedField, StateFile, load_field, read_state, write_state};
+use helio_io::{KeptMount, LoadedField, Sha256, StateFile, load_field, read_state, write_state};
 
 const FIELD: &str = r#"
 [site]
@@ -144,10 +146,12 @@ fn state(loaded: &LoadedField) -> StateFile {
             heliostats,
         },
         targets: vec![("board".into(), area.plane)],
+        site_longitude_rad: loaded.site.as_ref().unwrap().longitude_rad,
         mounts: field
             .heliostats()
             .iter()
-            .map(|h| KeptMount::of(&Mount::of(field.mode(), h)))
+            .zip(&loaded.drives)
+            .map(|(h, drives)| KeptMount::of(&Mount::of(field.mode(), h), drives))
             .collect(),
         version: "0.1.0".into(),
     }
@@ -177,7 +181,7 @@ fn kept() -> Kept {
 #[test]
 fn a_state_is_read_back_bit_by_bit_and_written_in_the_same_bytes() {
     let kept = kept();
-    let back = read_state(&kept.path).unwrap();
+    let (back, _) = read_state(&kept.path).unwrap();
     // as text, so that -0.0 is not 0.0
     assert_eq!(format!("{back:?}"), format!("{:?}", kept.state));
     let first = std::fs::read(&kept.path).unwrap();
@@ -197,7 +201,7 @@ fn a_state_without_heliostats_is_a_state() {
     kept.state.parts.heliostats.clear();
     kept.state.mounts.clear();
     write_state(&kept.path, &kept.state).unwrap();
-    assert_eq!(read_state(&kept.path).unwrap(), kept.state);
+    assert_eq!(read_state(&kept.path).unwrap().0, kept.state);
 }
 
 fn refusal(path: &Path) -> String {
@@ -233,33 +237,139 @@ fn what_is_no_state_is_refused_in_words() {
     let mut bytes = std::fs::read(&kept.path).unwrap();
     let key = b"helio_state";
     let place = (0..bytes.len() - 40)
-        .find(|&k| bytes[k..].starts_with(key) && bytes[k + key.len() + 2] == b'1')
+        .find(|&k| bytes[k..].starts_with(key) && bytes[k + key.len() + 2] == b'2')
         .unwrap();
     bytes[place + key.len() + 2] = b'7';
-    std::fs::write(at("newer.parquet"), bytes).unwrap();
+    seal(&mut bytes);
+    std::fs::write(at("newer.parquet"), &bytes).unwrap();
     let said = refusal(&at("newer.parquet"));
     assert!(
-        said.contains("format `7`") && said.contains("reads format 1"),
+        said.contains("format `7`") && said.contains("reads format 2"),
         "{said}"
     );
+    // the first format had no checksum
+    bytes[place + key.len() + 2] = b'1';
+    let of_seal = checksum_of(&bytes) - 5;
+    bytes[of_seal] = b'X';
+    std::fs::write(at("older.parquet"), &bytes).unwrap();
+    let said = refusal(&at("older.parquet"));
+    assert!(said.contains("format `1`"), "{said}");
+}
+
+/// Where in a file its checksum begins: the last text of 64 after its key.
+fn checksum_of(bytes: &[u8]) -> usize {
+    let key = b"helio_state_sha256";
+    let last = bytes.windows(key.len()).rposition(|w| w == key);
+    last.unwrap() + key.len() + 2
+}
+
+/// With zeros where the checksum stands, of the SHA-256s of each mebibyte, as the documentation has it.
+fn seal(bytes: &mut [u8]) {
+    let at = checksum_of(bytes);
+    bytes[at..at + 64].fill(b'0');
+    let sha256 = |bytes: &[u8]| {
+        let mut hash = Sha256::default();
+        hash.update(bytes);
+        hash.finish()
+    };
+    let each: Vec<String> = bytes.chunks(1024 * 1024).map(sha256).collect();
+    bytes[at..at + 64].copy_from_slice(sha256(each.join("").as_bytes()).as_bytes());
+}
+
+/// Also of a file of several pieces.
+#[test]
+fn a_state_carries_the_checksum_that_the_documentation_tells() {
+    let mut kept = kept();
+    const BOUNDARY: usize = 3 << 20;
+    let mut days = 0;
+    let mut placed = Vec::new();
+    // empty, of four pieces, and with the boundary of two in the middle of the checksum
+    for _ in 0..3 {
+        kept.state.parts.heliostats[0].undecided = vec![0.5; days];
+        write_state(&kept.path, &kept.state).unwrap();
+        let written = std::fs::read(&kept.path).unwrap();
+        let mut bytes = written.clone();
+        seal(&mut bytes);
+        assert!(bytes == written);
+        let at = checksum_of(&bytes);
+        let (back, checksum) = read_state(&kept.path).unwrap();
+        assert_eq!(checksum.as_bytes(), &bytes[at..at + 64]);
+        assert!(back == kept.state);
+        placed.push(at);
+        days = match days {
+            0 => 400_000,
+            days => days - (at + 32 - BOUNDARY) / 8,
+        };
+    }
+    println!("checksums at {placed:?}");
+    assert!(placed[0] < 1 << 20 && placed[1] > BOUNDARY);
+    assert!(placed[2] < BOUNDARY && BOUNDARY < placed[2] + 64);
 }
 
 #[test]
-fn damaged_states_are_refused_without_a_panic() {
+fn every_byte_that_is_not_as_written_is_refused() {
+    let kept = kept();
+    let whole = std::fs::read(&kept.path).unwrap();
+    let mut file = OpenOptions::new().write(true).open(&kept.path).unwrap();
+    let mut put = |at: usize, byte: u8| {
+        file.seek(SeekFrom::Start(at as u64)).unwrap();
+        file.write_all(&[byte]).unwrap();
+    };
+    let (mut sums, mut ends, mut starts, mut others) = (0, 0, 0, 0);
+    for (at, &byte) in whole.iter().enumerate() {
+        // a bit; and where it stands for a digit of a number, the next one
+        put(at, byte ^ (1 << (at % 8)));
+        let said = refusal(&kept.path);
+        if said.contains("its checksum is") {
+            sums += 1;
+        } else if said.contains("it is not whole: wanted `PAR1`") {
+            ends += 1;
+        } else if said.contains("no state of a followed field") {
+            starts += 1;
+        } else {
+            others += 1;
+        }
+        if byte.is_ascii_digit() {
+            put(at, b'0' + (byte - b'0' + 1) % 10);
+            refusal(&kept.path);
+        }
+        put(at, byte);
+    }
+    assert_eq!(read_state(&kept.path).unwrap().0, kept.state);
+    println!(
+        "{sums} by their checksum, {ends} by their end, {starts} by their beginning, {others} else"
+    );
+    assert_eq!((starts, ends), (4, 4));
+    // the checksum's own key and the footer's length
+    assert!(others <= 18 + 2 + 4, "{others}");
+}
+
+#[test]
+fn what_is_cut_off_or_put_to_a_state_is_refused() {
     let kept = kept();
     let whole = std::fs::read(&kept.path).unwrap();
     let damaged = kept.folder.path().join("damaged.parquet");
-    for cut in (0..whole.len()).step_by(997).chain([whole.len() - 1]) {
-        std::fs::write(&damaged, &whole[..cut]).unwrap();
-        refusal(&damaged);
-    }
-    // What a flipped bit makes of the numbers nobody can tell; of lengths and names it is told.
-    for at in (4..whole.len()).step_by(487) {
-        let mut bytes = whole.clone();
-        bytes[at] ^= 0x55;
+    let said_of = |bytes: &[u8]| {
         std::fs::write(&damaged, bytes).unwrap();
-        drop(read_state(&damaged));
+        refusal(&damaged)
+    };
+    for cut in (4..whole.len()).step_by(97).chain([whole.len() - 1]) {
+        let said = said_of(&whole[..cut]);
+        assert!(said.contains("it is not whole: wanted `PAR1`"), "{said}");
     }
+    said_of(&[&whole[..], b"\n"].concat());
+    said_of(&[&whole[..], &whole].concat());
+    said_of(&[&whole[..4], &whole].concat());
+    // pieces in another order, of the same length
+    let middle = whole.len() / 2;
+    let mut turned = whole.clone();
+    turned[middle..middle + 16].rotate_left(8);
+    assert!(turned != whole);
+    let said = said_of(&turned);
+    assert!(
+        said.contains("its checksum is") && said.contains("stands in it"),
+        "{said}"
+    );
 }
 
 #[test]
@@ -295,6 +405,11 @@ fn a_field_that_has_changed_is_refused_by_name() {
             "latitude_deg = 37.4",
             "latitude_deg = 37.5",
             "latitude of 37.4 degrees, this field's at 37.5",
+        ),
+        (
+            "longitude_deg = -6.25",
+            "longitude_deg = 6.25",
+            "longitude of -6.25 degrees, this field's at 6.25",
         ),
         (
             "[0.0, 8.0, 70.0]",
@@ -333,4 +448,81 @@ fn a_field_that_has_changed_is_refused_by_name() {
     let changed = field(folder.path(), FIELD, rounded);
     let rows = kept.state.rows(&kept.path, &changed).unwrap();
     assert_eq!(rows, [Some(2), Some(0), None]);
+}
+
+const DRIVES: &str = r#"
+[heliostats.drive.axis1]
+type = "encoder"
+steps_per_deg = 1000
+zero_steps = 500
+min_steps = -200000
+max_steps = 200000
+[heliostats.drive.axis2]
+type = "triangle"
+clockwise_axis_movement = 0
+increment_steps_per_m = 154166.666
+offset_m = 0.34
+pivot_radius_m = 0.32
+initial_stroke_length_m = 0.08
+initial_angle_rad = 0.0
+min_increment_steps = 0
+max_increment_steps = 80000
+"#;
+
+#[test]
+fn a_drive_whose_steps_mean_something_else_is_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let toml = format!("{FIELD}{DRIVES}");
+    let loaded = field(folder.path(), &toml, HELIOSTATS);
+    let path = folder.path().join("state.parquet");
+    write_state(&path, &state(&loaded)).unwrap();
+    let (kept, _) = read_state(&path).unwrap();
+    assert_eq!(kept, state(&loaded));
+    let rows = |toml: &str| kept.rows(&path, &field(folder.path(), toml, HELIOSTATS));
+    assert_eq!(rows(&toml).unwrap(), [Some(0), Some(1), Some(2)]);
+    for (from, to, axis) in [
+        ("zero_steps = 500", "zero_steps = 600", 1),
+        ("zero_steps = 500", "zero_steps = 500\nsign = -1", 1),
+        ("steps_per_deg = 1000", "steps_per_deg = 1000.01", 1),
+        ("154166.666", "154000", 2),
+        ("offset_m = 0.34", "offset_m = 0.3401", 2),
+        ("pivot_radius_m = 0.32", "pivot_radius_m = 0.3201", 2),
+        ("stroke_length_m = 0.08", "stroke_length_m = 0.0801", 2),
+        ("angle_rad = 0.0", "angle_rad = 0.0001", 2),
+        ("movement = 0", "movement = 1", 2),
+    ] {
+        assert!(toml.contains(from));
+        let said = rows(&toml.replace(from, to)).unwrap_err().to_string();
+        let wanted = format!("heliostat `A1`: has a drive of axis {axis} that stands at ");
+        assert!(said.contains(&wanted), "{said}");
+        assert!(
+            said.contains(" steps and ") && said.contains(" in this field"),
+            "{said}"
+        );
+        assert!(said.contains("begin a new state with --joint"), "{said}");
+    }
+    let said = rows(&toml.replace("zero_steps = 500", "zero_steps = 600")).unwrap_err();
+    let wanted =
+        "stands at -135 degrees there at -134500 steps and at -135.1 degrees in this field";
+    assert!(said.to_string().contains(wanted), "{said}");
+
+    // Its ends are no part of it, nor is a hundredth of a step.
+    for (from, to) in [
+        ("min_steps = -200000", "min_steps = -190000"),
+        ("max_increment_steps = 80000", "max_increment_steps = 70000"),
+        ("zero_steps = 500", "zero_steps = 500.01"),
+    ] {
+        assert!(toml.contains(from));
+        rows(&toml.replace(from, to)).unwrap();
+    }
+    // A drive that is gone, and one that was not there.
+    let said = rows(FIELD).unwrap_err().to_string();
+    let wanted = "has a drive of axis 1 there and none in this field";
+    assert!(said.contains(wanted), "{said}");
+    let loaded = field(folder.path(), FIELD, HELIOSTATS);
+    let without = state(&loaded);
+    let with = field(folder.path(), &toml, HELIOSTATS);
+    let said = without.rows(&path, &with).unwrap_err().to_string();
+    let wanted = "has no drive of axis 1 there and one in this field";
+    assert!(said.contains(wanted), "{said}");
 }

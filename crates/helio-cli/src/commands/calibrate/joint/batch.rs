@@ -2,7 +2,7 @@
 
 use helio_calib::Campaign;
 use helio_calib::joint::{FieldState, History, JointFit, JointOptions, StepKind, fit_joint};
-use helio_io::{KeptMount, Observations, StateFile, write_state};
+use helio_io::{Observations, StateFile, write_state};
 use rayon::prelude::*;
 
 use super::known::Seen;
@@ -84,10 +84,11 @@ impl Run<'_> {
             let file = StateFile {
                 parts: state.parts(),
                 targets: observations.targets.clone(),
+                site_longitude_rad: self.loaded.site.as_ref().map_or(0.0, |s| s.longitude_rad),
                 mounts: rows
                     .iter()
                     .flatten()
-                    .map(|&row| KeptMount::of(&self.mount(row)))
+                    .map(|&row| self.kept_mount(row))
                     .collect(),
                 version: env!("CARGO_PKG_VERSION").to_owned(),
             };

@@ -12,7 +12,9 @@ mod update;
 use helio_calib::joint::{Foretold, StepKind};
 use helio_calib::{CalibrationError, Mount};
 use helio_io::output::{Destination, Format};
-use helio_io::{AtomicFile, CalibratedSet, LoadedField, Observations, Provenance, format_time};
+use helio_io::{
+    AtomicFile, CalibratedSet, KeptMount, LoadedField, Observations, Provenance, format_time,
+};
 
 use super::changes::{earlier, median};
 use super::proposals::Proposals;
@@ -208,6 +210,11 @@ impl Run<'_> {
     fn mount(&self, row: usize) -> Mount {
         let field = &self.loaded.field;
         Mount::of(field.mode(), &field.heliostats()[row])
+    }
+
+    /// What of a row's mount and drives must not change while it is followed.
+    fn kept_mount(&self, row: usize) -> KeptMount {
+        KeptMount::of(&self.mount(row), &self.loaded.drives[row])
     }
 
     fn latitude_rad(&self) -> f64 {

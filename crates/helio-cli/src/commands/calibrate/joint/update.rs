@@ -1,13 +1,11 @@
 //! `--update`: new records on top of a state.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 
-use helio_calib::joint::{DAY_NS, FieldState, JumpSeen, Known, NO_TARGET, StepKind};
+use helio_calib::joint::{DAY_NS, FieldState, JumpSeen, Known, StepKind};
 use helio_calib::{Campaign, Observation, Parameter};
-use helio_io::{
-    KeptMount, Observations, StateFile, format_time, hash_file, read_state, write_state,
-};
+use helio_io::{KeptMount, Observations, StateFile, format_time, read_state, write_state};
 
 use super::known::Seen;
 use super::outputs::Found;
@@ -43,7 +41,7 @@ fn references(known: &Known) -> [f64; 2] {
 impl Run<'_> {
     pub(super) fn update(&self, path: &Path, asked: Asked) -> Result<Outcome, Failure> {
         let printer = self.printer;
-        let mut file = read_state(path)?;
+        let (mut file, checksum) = read_state(path)?;
         let mut rows = file.rows(path, &self.loaded)?;
         let mut state =
             FieldState::from_parts(file.parts).map_err(|error| Self::unusable(path, error))?;
@@ -58,9 +56,9 @@ impl Run<'_> {
         self.add_new(&mut state, &mut rows, &mut file.mounts);
         let (observations, hash) = self.observations()?;
         let mut provenance = self.provenance("joint-update", hash)?;
-        provenance.options_hash = hash_file(path)?;
+        provenance.options_hash = checksum;
 
-        let fresh = self.fresh(path, &state, &rows, &file.targets, &observations)?;
+        let fresh = self.fresh(path, &state, &rows, &mut file.targets, &observations)?;
         let before: Result<HashMap<usize, Before>, Failure> = fresh
             .iter()
             .map(|one| {
@@ -163,6 +161,7 @@ impl Run<'_> {
             parts,
             version: env!("CARGO_PKG_VERSION").to_owned(),
             targets: file.targets,
+            site_longitude_rad: file.site_longitude_rad,
             mounts: file.mounts,
         };
         let state_bytes = write_state(self.args.joint.state.as_deref().unwrap_or(path), &file)?;
@@ -192,7 +191,7 @@ impl Run<'_> {
         for &row in &new {
             state.add(&field.ids()[row]);
             rows.push(Some(row));
-            mounts.push(KeptMount::of(&self.mount(row)));
+            mounts.push(self.kept_mount(row));
         }
         if let Some(&first) = new.first() {
             self.printer.note(format_args!(
@@ -203,13 +202,13 @@ impl Run<'_> {
         }
     }
 
-    /// The records that the state has not taken in, by heliostat.
+    /// The records that the state has not taken in, by heliostat; targets that are new to it come after those it has.
     fn fresh(
         &self,
         path: &Path,
         state: &FieldState,
         rows: &[Option<usize>],
-        targets: &[(String, helio_core::TargetPlane)],
+        targets: &mut Vec<(String, helio_core::TargetPlane)>,
         observations: &Observations,
     ) -> Result<Vec<Fresh>, Failure> {
         let place_of: HashMap<usize, usize> = rows
@@ -218,15 +217,12 @@ impl Run<'_> {
             .filter_map(|(place, row)| Some(((*row)?, place)))
             .collect();
         // Causes count the targets of the state, observations those of the field now.
-        let target_of: Vec<usize> = observations
+        let mut target_of: Vec<Option<usize>> = observations
             .targets
             .iter()
-            .map(|(name, _)| {
-                let known = targets.iter().position(|(known, _)| known == name);
-                known.unwrap_or(NO_TARGET)
-            })
+            .map(|(name, _)| targets.iter().position(|(known, _)| known == name))
             .collect();
-        let mut new_targets = vec![false; target_of.len()];
+        let mut seen_on = BTreeSet::new();
         let mut old = 0;
         let mut first_old = None;
         let mut fresh = Vec::new();
@@ -248,13 +244,11 @@ impl Run<'_> {
                     first_old.get_or_insert((of.records[k], of.row));
                     continue;
                 }
-                let target = target_of.get(observation.target).copied();
-                let target = target.unwrap_or(NO_TARGET);
-                if target == NO_TARGET
-                    && let Some(new) = new_targets.get_mut(observation.target)
-                {
-                    *new = true;
-                }
+                let target = *target_of[observation.target].get_or_insert_with(|| {
+                    targets.push(observations.targets[observation.target].clone());
+                    targets.len() - 1
+                });
+                seen_on.insert(target);
                 one.observations.push(Observation {
                     target,
                     ..*observation
@@ -265,10 +259,13 @@ impl Run<'_> {
                 fresh.push(one);
             }
         }
-        for (k, _) in new_targets.iter().enumerate().filter(|(_, new)| **new) {
-            self.printer.warn(format_args!(
-                "target `{}` is new to the state: it is taken to be where it was surveyed until a new --joint",
-                observations.targets[k].0
+        for target in state.causes().iter().filter_map(|c| c.cause.target()) {
+            seen_on.remove(&target);
+        }
+        for target in seen_on {
+            self.printer.note(format_args!(
+                "target `{}` is new to the state: how its spots are shifted is learnt from here on",
+                targets[target].0
             ));
         }
         if let Some((record, row)) = first_old {
