@@ -71,7 +71,8 @@ pub struct SimulateOptions {
     /// One standard deviation of either component of the spot, over the slant from pivot to target
     /// \[mrad\]. It is stated with each observation as its sigma, unless zero.
     pub noise_mrad: f64,
-    /// Share of the observations whose spot is found in a wrong place, 0 to 1.
+    /// Share of the observations whose spot is found in a wrong place, 0 to 1; where that is no whole number of them, one
+    /// more by chance.
     pub outlier_share: f64,
     /// By how much, over the slant \[mrad\]: evenly from this to twice this, in any direction.
     pub outlier_mrad: f64,
@@ -321,10 +322,18 @@ fn look(
     (landing.hits() && seen).then_some(observation)
 }
 
-/// One fault for each observation: exactly the shares asked for, at random places.
+/// One fault for each observation, at random places: the shares asked for, and where one is no whole number of
+/// observations, the rest of it by chance.
 fn faults(options: &SimulateOptions, targets: usize) -> Vec<Fault> {
     let mut random = Random::stream(options.seed, 0);
-    let count = |share: f64| libm::rint(share * options.count as f64) as usize;
+    // a stream that neither an observation nor the days have
+    let mut rest = Random::stream(options.seed, u64::MAX - 1);
+    let mut count = |share: f64| {
+        let wanted = share * options.count as f64;
+        // shares are decimal fractions, which doubles are not
+        let whole = libm::floor(wanted + 1e-9);
+        whole as usize + usize::from(rest.uniform() < wanted - whole)
+    };
     let mut faults = Vec::with_capacity(options.count);
     faults.resize(count(options.outlier_share), Fault::Outlier);
     for _ in 0..count(options.wrong_heliostat_share) {

@@ -146,9 +146,16 @@ fn a_followed_field_passes_them_by() {
         let steps = with.update(&[(5, of(&records))]).unwrap();
         without.update(&[(5, of(good))]).unwrap();
         assert_eq!(steps[0][2].kind, StepKind::Misses, "{what}");
-        let mut parts = with.parts();
-        parts.heliostats[5].records -= 1;
-        assert_eq!(parts, without.parts(), "{what}");
+        let (mut parts, without) = (with.parts(), without.parts());
+        // but for being counted
+        let [with, without_it] = [&mut parts.heliostats[5], &mut without.heliostats[5].clone()];
+        assert_eq!((with.misses, without_it.misses), (1, 0), "{what}");
+        (with.records, with.misses) = (with.records - 1, 0);
+        for (with, without) in with.accounts.iter_mut().zip(&without_it.accounts) {
+            assert!(with.lately.odd > without.lately.odd + 0.5, "{what}");
+            with.lately = without.lately;
+        }
+        assert!(parts == without, "{what}");
     }
 }
 

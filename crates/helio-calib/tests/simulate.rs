@@ -183,6 +183,35 @@ fn outliers_and_jumps_are_where_the_truth_says() {
     assert_eq!(outliers, 10);
 }
 
+/// Of few observations each, too, the share asked for is the share made.
+#[test]
+fn shares_hold_over_heliostats_of_few_observations() {
+    for (count, share) in [(12, 0.02), (25, 0.02), (30, 0.03), (7, 0.5)] {
+        let mut outliers = 0;
+        for seed in 0..400 {
+            let options = SimulateOptions {
+                seed,
+                count,
+                outlier_share: share,
+                ..SimulateOptions::default()
+            };
+            let mount = mount(Enu::new(93.4, 219.8, 1.8));
+            let campaign = simulate(&mount, &truth(), &targets(), &juelich(), &options).unwrap();
+            let faults = campaign.truth.iter().map(|truth| truth.fault);
+            let of_one = faults.filter(|fault| *fault == Fault::Outlier).count();
+            let wanted = share * count as f64;
+            assert!((of_one as f64 - wanted).abs() < 1.0, "{of_one}");
+            outliers += of_one;
+        }
+        let wanted = 400.0 * share * count as f64;
+        let sigma = (400.0 * 0.25_f64).sqrt();
+        assert!(
+            (outliers as f64 - wanted).abs() < 3.0 * sigma,
+            "{outliers} {wanted}"
+        );
+    }
+}
+
 #[test]
 fn records_of_another_heliostat_or_target_are_what_they_are() {
     let here = mount(Enu::new(93.4, 219.8, 1.8));

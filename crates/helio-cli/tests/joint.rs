@@ -496,7 +496,9 @@ fn a_jump_is_named_and_the_rows_follow_it() {
         said.contains(": the zero point of axis 1 ") && said.contains("jumped by about +"),
         "{said}"
     );
-    assert!(said.contains("drift alarms:"), "{said}");
+    assert!(said.contains("\nalarms: "), "{said}");
+    // all of them jumped at once, and the field is as foretold again
+    assert!(said.contains("the field as a whole was off"), "{said}");
     let steps = rows(&folder.read("steps.csv"));
     let jumped: Vec<&Row> = steps
         .iter()
@@ -1169,4 +1171,195 @@ fn a_followed_field_has_them_too() {
     }
     assert!(!page.contains("NaN") && !page.contains("turn, mrad"));
     assert_eq!(rows(&folder.read("plan.csv")).len(), 40);
+}
+
+/// Columns of the lines of a table of observations changed.
+fn changed(folder: &Folder, from: &str, to: &str, mut change: impl FnMut(usize, &mut Vec<String>)) {
+    let text = folder.read(from);
+    let (head, lines) = text.split_once('\n').unwrap();
+    let mut out = format!("{head}\n");
+    for (k, line) in lines.lines().enumerate() {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        change(k, &mut cells);
+        out += &(cells.join(",") + "\n");
+    }
+    folder.write(to, out);
+}
+
+fn column(folder: &Folder, table: &str, name: &str) -> usize {
+    let text = folder.read(table);
+    let head = text.lines().next().unwrap();
+    head.split(',').position(|column| column == name).unwrap()
+}
+
+/// A spot somewhere on the board.
+fn elsewhere(cell: &mut String, k: usize) {
+    *cell = format!("{}", (k * 7919 % 97) as f64 / 8.0 - 6.0);
+}
+
+/// Heliostats that nothing fits, whose boards were swapped, and a record of a wrong date: in the rows, in words, in the
+/// exit status.
+#[test]
+fn what_is_not_understood_is_said_of_its_row() {
+    let folder = seen("20", &["--count", "30", "--noise-mrad", "0.4"]);
+    let at = |name: &str| column(&folder, "seen.csv", name);
+    let (id, time, target, u, v) = (
+        at("heliostat_id"),
+        at("time"),
+        at("target"),
+        at("u_m"),
+        at("v_m"),
+    );
+    let ids: Vec<String> = {
+        let mut ids: Vec<String> = rows(&folder.read("seen.csv"))
+            .iter()
+            .map(|row| row["heliostat_id"].clone())
+            .collect();
+        ids.dedup();
+        ids
+    };
+    // the last two thirds are another heliostat's
+    changed(&folder, "seen.csv", "bad.csv", |k, cells| {
+        if cells[id] == ids[0] && k % 30 >= 12 {
+            elsewhere(&mut cells[u], k);
+            elsewhere(&mut cells[v], 3 * k + 1);
+        }
+        if cells[id] == ids[1] {
+            let other = if cells[target] == "board-north" {
+                "board-south"
+            } else {
+                "board-north"
+            };
+            cells[target] = other.to_owned();
+        }
+    });
+    let joint = ["--joint", "--observations", "bad.csv", "--out", "t.csv"];
+    let run = calibrate(
+        &folder,
+        &[&joint[..], &["--rejected", "rejected.csv"]].concat(),
+    );
+    assert_eq!(run.code(), 1, "{}", run.stderr());
+    let said = run.stderr();
+    assert!(said.contains(" ok, 2 unexplained; "), "{said}");
+    assert!(!said.contains("the field as a whole was off"), "{said}");
+    let table: BTreeMap<String, Row> = rows(&folder.read("t.csv"))
+        .into_iter()
+        .map(|row| (row["id"].clone(), row))
+        .collect();
+    let rejected = rows(&folder.read("rejected.csv"));
+    for (k, id) in ids.iter().enumerate() {
+        let row = &table[id];
+        let status = if k < 2 { "unexplained" } else { "ok" };
+        assert_eq!(row["status"], status, "{row:?}");
+        let (used, not) = (number(row, "observations"), number(row, "rejected"));
+        assert!((used + not - 30.0).abs() < 1e-9, "{row:?}");
+        let listed = rejected.iter().filter(|one| one["id"] == *id);
+        assert!((not - listed.count() as f64).abs() < 1e-9, "{row:?}");
+    }
+    assert_eq!(table[&ids[1]]["rejected"], "30");
+    assert!(table[&ids[1]]["why"].contains("should not meet their targets"));
+
+    // while following
+    part(&folder, "first.csv", "2025-01", "2025-08");
+    part(&folder, "later.csv", "2025-08", "2026");
+    let joint = ["--joint", "--observations", "first.csv", "--out", "t.csv"];
+    calibrate(&folder, &[&joint[..], &["--state", "s.parquet"]].concat()).good();
+    let begun = bytes(&folder, "s.parquet");
+    changed(&folder, "later.csv", "bad.csv", |k, cells| {
+        if cells[id] == ids[0] {
+            elsewhere(&mut cells[u], k);
+            elsewhere(&mut cells[v], 3 * k + 1);
+        }
+    });
+    let update = |records: &str| {
+        let args = ["--update", "s.parquet", "--observations", records];
+        calibrate(&folder, &[&args[..], &["--out", "t.csv"]].concat())
+    };
+    let run = update("bad.csv");
+    assert_eq!(run.code(), 1, "{}", run.stderr());
+    let said = run.stderr();
+    let words = "its last three records in a row are not believed";
+    assert!(said.contains(&format!("{}: alarm at 2025-", ids[0])) && said.contains(words));
+    assert!(said.contains(" ok, 1 unexplained; "), "{said}");
+    let table = rows(&folder.read("t.csv"));
+    let row = table.iter().find(|row| row["id"] == ids[0]).unwrap();
+    assert_eq!(row["status"], "unexplained");
+    let not = number(row, "rejected");
+    assert!(not > 3.0, "what is in doubt is rejected too: {row:?}");
+
+    // a wrong date does not shut out what comes after it
+    folder.write("s.parquet", &begun);
+    changed(&folder, "later.csv", "dated.csv", |k, cells| {
+        if k == 1 {
+            cells[time] = "2026-10-01T12:00:00Z".to_owned();
+        }
+    });
+    let run = update("dated.csv");
+    run.good();
+    let words = "1 record is dated more than 30 days after those of the other heliostats (first ";
+    assert!(run.stderr().contains(words), "{}", run.stderr());
+    assert!(run.stderr().contains("left aside"), "{}", run.stderr());
+    changed(&folder, "later.csv", "next.csv", |_, cells| {
+        cells[time] = cells[time].replacen("2025", "2026", 1);
+    });
+    // the sun stands elsewhere a year later, but nothing is taken for old
+    assert!(!update("next.csv").stderr().contains("taken in already"));
+
+    // no new records: what comes next is proposed all the same
+    folder.write("s.parquet", &begun);
+    assert_eq!(update("first.csv").code(), 2);
+    let args = ["--update", "s.parquet", "--observations", "first.csv"];
+    let plan = [
+        "--plan",
+        "1",
+        "--plan-date",
+        "2026-01-05",
+        "--plan-out",
+        "plan.csv",
+        "--out",
+        "t.csv",
+    ];
+    calibrate(&folder, &[&args[..], &plan].concat()).good();
+    assert!(rows(&folder.read("plan.csv")).len() > 400);
+}
+
+/// A clock that is off for everybody: every row says so, as does the exit status.
+#[test]
+fn a_field_that_is_off_as_a_whole_is_said_and_not_believed() {
+    let folder = seen("12", &["--count", "40", "--noise-mrad", "0.4"]);
+    let time = column(&folder, "seen.csv", "time");
+    part(&folder, "first.csv", "2025-01", "2025-10");
+    part(&folder, "later.csv", "2025-10", "2026");
+    let minutes_later = |_: usize, cells: &mut Vec<String>| {
+        let ns = helio_io::parse_time(&cells[time]).unwrap() + 300_000_000_000;
+        cells[time] = helio_io::format_time(ns);
+    };
+    changed(&folder, "later.csv", "off.csv", minutes_later);
+    let of_first = folder.read("first.csv");
+    let off = folder.read("off.csv");
+    folder.write("all.csv", of_first + off.split_once('\n').unwrap().1);
+    let joint = |records: &str| {
+        let args = ["--joint", "--observations", records, "--out", "t.csv"];
+        calibrate(&folder, &[&args[..], &["--state", "s.parquet"]].concat())
+    };
+    let observed = |records: &str| {
+        let rows = rows(&folder.read(records));
+        let ids: std::collections::BTreeSet<String> =
+            rows.iter().map(|row| row["heliostat_id"].clone()).collect();
+        ids
+    };
+    let not_ok = |run: &Run| {
+        assert_eq!(run.code(), 1, "{}", run.stderr());
+        let words = "the field as a whole was off: more than half of ";
+        assert!(run.stderr().contains(words), "{}", run.stderr());
+        let table = rows(&folder.read("t.csv"));
+        let not = table.iter().filter(|row| row["status"] == "unexplained");
+        not.map(|row| row["id"].clone())
+            .collect::<std::collections::BTreeSet<_>>()
+    };
+    assert_eq!(not_ok(&joint("all.csv")), observed("all.csv"));
+    joint("first.csv").good();
+    let args = ["--update", "s.parquet", "--observations", "off.csv"];
+    let run = calibrate(&folder, &[&args[..], &["--out", "t.csv"]].concat());
+    assert_eq!(not_ok(&run), observed("off.csv"));
 }

@@ -19,8 +19,8 @@ use arrow::buffer::OffsetBuffer;
 use arrow::datatypes::{DataType, Field};
 use helio_calib::Mount;
 use helio_calib::joint::{
-    AccountParts, Alarm, AxisCause, Cause, HeliostatParts, JumpSeen, Mishaps, Noise, StateParts,
-    Wander,
+    AccountParts, Alarm, AxisCause, Cause, HeliostatParts, JumpSeen, Lately, Mishaps, Noise, Spell,
+    StateParts, Wander, Watch,
 };
 use helio_core::drive::Drive;
 use helio_core::{Enu, EnuUnit, TargetPlane};
@@ -367,6 +367,17 @@ fn plane_text(plane: &TargetPlane) -> String {
     text(&vectors.map(|v| [v.east, v.north, v.up]).concat())
 }
 
+fn spell_numbers(spell: &Spell) -> [f64; 5] {
+    let [first, last] = spell.days;
+    [
+        first,
+        last,
+        spell.heliostats as f64,
+        spell.middle,
+        f64::from(u8::from(spell.lasts)),
+    ]
+}
+
 fn common_json(state: &StateFile) -> Value {
     let parts = &state.parts;
     let shared: Vec<Value> = parts
@@ -409,6 +420,9 @@ fn common_json(state: &StateFile) -> Value {
         "vector": text(&parts.vector),
         "square": text(&[parts.square]),
         "log_determinant": text(&[parts.log_determinant]),
+        "watch_days_calm": text(&[parts.watch.days[0], parts.watch.days[1], parts.watch.calm as f64]),
+        "watch_waiting": text(&parts.watch.waiting.iter().flat_map(|(&place, &square)| [place as f64, square]).collect::<Vec<_>>()),
+        "watch_spells": text(&parts.watch.spells.iter().flat_map(spell_numbers).collect::<Vec<_>>()),
     })
 }
 
@@ -529,6 +543,7 @@ fn batch(state: &StateFile) -> Result<RecordBatch, arrow::error::ArrowError> {
             true,
         ),
         ("records", counts(&|h| h.records), false),
+        ("misses", counts(&|h| h.misses), false),
         ("outliers", counts(&|h| h.outliers), false),
         ("jump_count", counts(&|h| h.jump_count), false),
         (
@@ -547,6 +562,12 @@ fn batch(state: &StateFile) -> Result<RecordBatch, arrow::error::ArrowError> {
         (
             "unbelieved",
             number_of_account(&|a| a.unbelieved as f64),
+            false,
+        ),
+        ("lately_odd", number_of_account(&|a| a.lately.odd), false),
+        (
+            "lately_records",
+            number_of_account(&|a| a.lately.records),
             false,
         ),
         ("undecided_days", lists(&|h, _| h.undecided.clone())?, false),
@@ -806,6 +827,30 @@ impl Common<'_> {
         <[f64; N]>::try_from(self.list(key)?).map_err(|_| Self::wrong(key))
     }
 
+    fn watch(&self) -> Result<Watch, Unread> {
+        let [waiting, spells] = ["watch_waiting", "watch_spells"].map(|key| self.list(key));
+        let (waiting, spells) = (waiting?, spells?);
+        if waiting.len() % 2 != 0 || spells.len() % 5 != 0 {
+            return Err(Self::wrong("watch_waiting or watch_spells"));
+        }
+        let waiting = waiting
+            .chunks_exact(2)
+            .map(|pair| (pair[0] as usize, pair[1]));
+        let spells = spells.chunks_exact(5).map(|n| Spell {
+            days: [n[0], n[1]],
+            heliostats: n[2] as usize,
+            middle: n[3],
+            lasts: n[4] != 0.0,
+        });
+        let [first, last, calm] = self.numbers("watch_days_calm")?;
+        Ok(Watch {
+            days: [first, last],
+            calm: calm as usize,
+            waiting: waiting.collect(),
+            spells: spells.collect(),
+        })
+    }
+
     fn entries(&self, key: &str) -> Result<&Vec<Value>, Unread> {
         self.0[key].as_array().ok_or_else(|| Self::wrong(key))
     }
@@ -885,6 +930,7 @@ impl Common<'_> {
                 vector: self.list("vector")?,
                 square,
                 log_determinant,
+                watch: self.watch()?,
                 heliostats: Vec::new(),
             },
             targets,
@@ -1001,7 +1047,10 @@ fn take(batch: &RecordBatch, state: &mut StateFile) -> Result<(), Unread> {
         rows.whole("records")?,
         rows.whole("outliers")?,
     );
+    let misses = rows.whole("misses")?;
     let unbelieved = rows.numbers("unbelieved")?;
+    let [odd, counted] = ["lately_odd", "lately_records"].map(|name| rows.numbers(name));
+    let (odd, counted) = (odd?, counted?);
     let jump_count = rows.whole("jump_count")?;
     let (drift1, drift2, drift_variance) = (
         rows.numbers("drift1")?,
@@ -1066,6 +1115,7 @@ fn take(batch: &RecordBatch, state: &mut StateFile) -> Result<(), Unread> {
                 id: id.to_owned(),
                 last_day: last_day.is_valid(row).then(|| last_day.value(row)),
                 records: records[row].unsigned_abs(),
+                misses: misses[row].unsigned_abs(),
                 outliers: outliers[row].unsigned_abs(),
                 jump_count: jump_count[row].unsigned_abs(),
                 jumps: pairs
@@ -1085,6 +1135,10 @@ fn take(batch: &RecordBatch, state: &mut StateFile) -> Result<(), Unread> {
                 drift: [drift1[row], drift2[row]],
                 drift_variance: drift_variance[row],
                 unbelieved: unbelieved[row] as usize,
+                lately: Lately {
+                    odd: odd[row],
+                    records: counted[row],
+                },
                 mean: mean.of(row).to_vec(),
                 gain: gain.of(row).to_vec(),
                 spread: spread.of(row).to_vec(),

@@ -13,7 +13,8 @@ use super::hyper::{Hyper, Marks, Noise, Wander, waited};
 use super::hypotheses::{Account, Mishaps, decide, told_by};
 use super::rows::{ANGLES, Expansion, MILLI, Rows, Structure, filter_unit, parameters, pole};
 use super::terms::{AxisCause, Cause, SpotCause};
-use super::{CommonCause, JointFit, NO_TARGET, UNFIT, WANDERING, is_free};
+use super::watch::{ALARMING, Lately, Spell, Watch, Witness, moves_on, too_late, unfit};
+use super::{CommonCause, History, JointFit, NO_TARGET, WANDERING, is_free};
 use crate::error::{CalibrationError, in_place};
 use crate::field::Campaign;
 use crate::parameters::Parameters;
@@ -71,8 +72,6 @@ fn pose_error(cause: AxisCause) -> usize {
     }
 }
 
-/// Records in a row that are not believed which are an alarm: eight times in a million by accident.
-const ALARMING: usize = 3;
 /// Records in doubt of a heliostat at most: then its likeliest account is believed.
 const MOST_UNDECIDED: usize = 60;
 /// Records are made linear anew where the heliostat is now thought to be farther from where they were than this
@@ -86,10 +85,12 @@ const MOVED_RAD: f64 = 1e-3;
 pub struct Followed<A = Account> {
     /// Its name.
     pub id: String,
-    /// Its last record \[days since 1970\].
+    /// Its last record \[days since 1970\], but for those not believed that are a month or more after those that are.
     pub last_day: Option<f64>,
     /// Records so far.
     pub records: u64,
+    /// Those of them whose beam should not have met the target, or that tell nothing for another reason.
+    pub misses: u64,
     /// Those of them that were not believed.
     pub outliers: u64,
     /// Jumps of a zero point so far that are certain.
@@ -109,6 +110,7 @@ impl<A> Followed<A> {
             id: self.id.clone(),
             last_day: self.last_day,
             records: self.records,
+            misses: self.misses,
             outliers: self.outliers,
             jump_count: self.jump_count,
             jumps: self.jumps.clone(),
@@ -160,8 +162,10 @@ pub struct Step {
     pub references_rad: [f64; 2],
     /// One standard deviation of them \[rad\].
     pub references_sigma_rad: [f64; 2],
-    /// Whether the running mean of misses is an alarm after it, or the third record in a row that is not believed.
+    /// Whether the running mean of misses is an alarm after it, or it is one of those [in a row](Self::unbelieved).
     pub alarm: bool,
+    /// Whether it is the third record in a row, or a later one, that is not believed or misses its target.
+    pub unbelieved: bool,
 }
 
 /// All that is known of a field that is followed: bounded, whatever the number of records.
@@ -185,6 +189,7 @@ pub struct FieldState {
     pub(super) spread: Vec<f64>,
     pub(super) told: Sum,
     pub(super) common: Common,
+    pub(super) watch: Watch,
     pub(super) heliostats: Vec<Followed>,
 }
 
@@ -233,10 +238,12 @@ impl JointFit {
             .map(|(k, (id, posterior))| {
                 let mut account = Account::new(self.belief(k));
                 account.drift.unbelieved = posterior.unbelieved_last;
+                account.lately = posterior.lately;
                 Followed {
                     id: id.clone(),
                     last_day: posterior.last_day,
                     records: posterior.records as u64,
+                    misses: posterior.misses.len() as u64,
                     outliers: posterior.outliers.len() as u64,
                     jump_count: posterior.jumps.len() as u64,
                     jumps: last_jumps(posterior.jumps.iter().map(|(_, jump)| *jump).collect()),
@@ -256,6 +263,7 @@ impl JointFit {
             spread: self.hyper.spread.clone(),
             told: self.told.clone(),
             common: self.common.clone(),
+            watch: Watch::default(),
             heliostats,
         })
     }
@@ -266,6 +274,15 @@ impl FieldState {
     #[must_use]
     pub fn heliostats(&self) -> &[Followed] {
         &self.heliostats
+    }
+
+    /// The last day of the field \[days since 1970\]: that of its heliostats, but for few that are
+    /// [too late](super::too_late). None before any record.
+    #[must_use]
+    pub fn last_day(&self) -> Option<f64> {
+        let days: Vec<f64> = self.heliostats.iter().filter_map(|h| h.last_day).collect();
+        let late = too_late(&days);
+        days.into_iter().filter(|day| *day <= late).reduce(f64::max)
     }
 
     /// Where a heliostat stands.
@@ -289,6 +306,7 @@ impl FieldState {
             id: id.to_owned(),
             last_day: None,
             records: 0,
+            misses: 0,
             outliers: 0,
             jump_count: 0,
             jumps: Vec::new(),
@@ -375,27 +393,65 @@ impl FieldState {
             shared: shared_values(&self.structure, &self.common),
             pole: pole(self.site_latitude_rad),
         };
-        let done: Vec<(usize, Vec<Step>, Option<Sum>)> = self
+        let done: Vec<(usize, Taken)> = self
             .heliostats
             .par_iter_mut()
             .zip(&asked)
-            .filter_map(|(heliostat, asked)| {
+            .enumerate()
+            .filter_map(|(place, (heliostat, asked))| {
                 let n = (*asked)?;
-                let (steps, told) = heliostat.take_in(&context, &campaigns[n].1);
-                Some((n, steps, told))
+                Some((n, heliostat.take_in(&context, place, &campaigns[n].1)))
             })
             .collect();
         let mut steps = vec![Vec::new(); campaigns.len()];
-        for (n, of_one, told) in done {
-            steps[n] = of_one;
-            if let Some(told) = told {
+        let mut witnesses = Vec::new();
+        for (n, taken) in done {
+            steps[n] = taken.steps;
+            witnesses.extend(taken.witnesses);
+            if let Some(told) = taken.told {
                 self.told.add(&told);
             }
         }
+        self.watch.take(witnesses);
         if let Some(common) = Common::new(&self.told, &self.prior_sigma) {
             self.common = common;
         }
         Ok(steps)
+    }
+
+    /// Holds the field as a whole against what was foretold, from how the records that a fit used had been, heliostat by
+    /// heliostat in the order of the state: once, before anything is taken in. [`update`](Self::update) goes on by
+    /// itself.
+    pub fn look_back(&mut self, histories: &[Vec<History>]) {
+        let mut witnesses = Vec::new();
+        for (place, history) in histories.iter().enumerate() {
+            let (mut lately, mut odd, mut in_a_row) = (Lately::default(), 0, 0);
+            for (records, one) in history.iter().enumerate() {
+                let square = one.foretold.square();
+                let missed = one.outlier || square.is_nan();
+                let jumps = one.jumped.into_iter().filter(|it| *it).count();
+                if !lately.unexplained(records as u64, odd, in_a_row) {
+                    witnesses.push(Witness {
+                        day: one.day,
+                        place,
+                        square: (!missed && jumps == 0).then_some(square),
+                    });
+                }
+                let count = if missed { 1 } else { jumps };
+                lately.count(count);
+                odd += count as u64;
+                in_a_row = if missed { in_a_row + 1 } else { 0 };
+            }
+        }
+        self.watch.take(witnesses);
+    }
+
+    /// When the field as a whole did not do what was foretold of it, in time: the middle heliostat of eight or more
+    /// missed by far more than expected. A clock, a target, a tracking table or a camera is then likelier to be wrong
+    /// than each heliostat.
+    #[must_use]
+    pub fn spells(&self) -> Vec<Spell> {
+        self.watch.spells()
     }
 
     /// Holds observations of a heliostat against what is foretold of them, without taking them in; in their
@@ -573,6 +629,15 @@ impl FieldState {
     }
 }
 
+/// Records of a heliostat that were taken in.
+struct Taken {
+    steps: Vec<Step>,
+    /// By which the field is judged.
+    witnesses: Vec<Witness>,
+    /// What they tell of what is common.
+    told: Option<Sum>,
+}
+
 struct Context<'a> {
     structure: &'a Structure,
     shape: Shape,
@@ -585,7 +650,8 @@ struct Context<'a> {
 }
 
 impl Followed {
-    /// Records at the end that are not believed, one after the other: more than one or two are no accident.
+    /// Records at the end that are not believed or miss their targets, one after the other: more than one or two are no
+    /// accident.
     #[must_use]
     pub fn unbelieved_last(&self) -> usize {
         self.accounts.first().map_or(0, |a| a.drift.unbelieved)
@@ -598,21 +664,44 @@ impl Followed {
         self.outliers + in_doubt as u64
     }
 
-    /// Whether so many of its records do not fit the others, or only after a jump, that it says nothing of what is common
-    /// and should not be believed.
+    /// How many of its last records do not fit the others, as the likeliest account has it.
+    #[must_use]
+    pub fn lately(&self) -> Lately {
+        self.accounts
+            .first()
+            .map_or_else(Lately::default, |a| a.lately)
+    }
+
+    /// Records that are not believed, miss their target or come after a jump.
+    fn odd(&self) -> u64 {
+        let in_doubt = self.accounts.first().map_or(0, |a| a.marks.jumps.len());
+        self.unbelieved() + self.misses + self.jump_count + in_doubt as u64
+    }
+
+    /// Whether so many of its records do not fit the others, or only after a jump, that it says nothing of what is common:
+    /// more than a quarter of all or of the last ones.
     #[must_use]
     pub fn unfit(&self) -> bool {
-        let in_doubt = self.accounts.first().map_or(0, |a| a.marks.jumps.len());
-        let odd = self.unbelieved() + self.jump_count + in_doubt as u64;
-        odd * UNFIT as u64 > self.records
+        unfit(self.records, self.odd(), &self.lately())
+    }
+
+    /// Whether what is known of it should not be believed now: more than a quarter of its last records, of eight or
+    /// more, are odd ([`Lately`]); or more than a quarter of all and an eighth of the last; or the last three or more are
+    /// not believed or miss their targets.
+    #[must_use]
+    pub fn unexplained(&self) -> bool {
+        let lately = self.lately();
+        lately.unexplained(self.records, self.odd(), self.unbelieved_last())
+    }
+
+    /// Records that are believed, those in doubt as the likeliest account has them.
+    #[must_use]
+    pub fn believed(&self) -> u64 {
+        self.records.saturating_sub(self.unbelieved() + self.misses)
     }
 
     /// Takes in records; what they tell of what is common once no doubt is left.
-    fn take_in(
-        &mut self,
-        context: &Context<'_>,
-        campaign: &Campaign<'_>,
-    ) -> (Vec<Step>, Option<Sum>) {
+    fn take_in(&mut self, context: &Context<'_>, place: usize, campaign: &Campaign<'_>) -> Taken {
         let shape = context.shape;
         let rest = shape.row() - column::REST;
         let mut settled: Option<Sum> = None;
@@ -620,7 +709,9 @@ impl Followed {
         let mut at = self.place(context);
         let mut rows = Rows::of(context.structure, campaign, &at, context.pole);
         let mut steps = Vec::with_capacity(rows.len());
+        let mut witnesses = Vec::with_capacity(rows.len());
         for k in 0..rows.len() {
+            let understood = !self.unexplained();
             let here = self.place(context);
             let moved = here.still.iter().zip(&at.still);
             if moved
@@ -640,13 +731,16 @@ impl Followed {
                     account.belief.wait(kept, added);
                 }
             }
-            if timed {
-                self.last_day = Some(self.last_day.map_or(day, |last| last.max(day)));
-            }
             self.records += 1;
             let before = self.belief(context.common);
             let before = foretold(shape, row, context.rates, &before, context.common);
             let mut kind = StepKind::Misses;
+            if row[rest + column::SILENT] != 0.0 {
+                self.misses += 1;
+                for account in &mut self.accounts {
+                    account.unbelieved();
+                }
+            }
             if row[rest + column::SILENT] == 0.0 {
                 let number = self.undecided.len();
                 self.undecided.push(day);
@@ -678,19 +772,35 @@ impl Followed {
                         .add(&told);
                 }
             }
+            let believed = !matches!(kind, StepKind::Outlier | StepKind::Misses);
+            if timed {
+                self.last_day = moves_on(self.last_day, day, believed);
+            }
+            if understood {
+                witnesses.push(Witness {
+                    day,
+                    place,
+                    square: (kind == StepKind::Believed).then(|| before.square()),
+                });
+            }
             let [references_rad, references_sigma_rad] =
                 references(&self.belief(context.common), context.common);
+            let unbelieved = self.unbelieved_last() >= ALARMING;
             steps.push(Step {
                 observation: rows.of[k],
                 foretold: before,
                 kind,
                 references_rad,
                 references_sigma_rad,
-                alarm: self.accounts[0].drift.square() > context.alarm.threshold()
-                    || self.unbelieved_last() >= ALARMING,
+                alarm: unbelieved || self.accounts[0].drift.square() > context.alarm.threshold(),
+                unbelieved,
             });
         }
-        (steps, settled)
+        Taken {
+            steps,
+            witnesses,
+            told: settled,
+        }
     }
 
     /// Where its records are made linear.

@@ -80,6 +80,8 @@ pub(super) struct Beliefs {
     pub spread: Vec<Eight>,
     /// Farthest that a record lies from what was expected: chi-squared with two degrees of freedom.
     pub farthest: Eight,
+    /// Records of each that tell nothing by themselves, in time.
+    pub silent: [Vec<usize>; BLOCK],
 }
 
 /// What some groups tell of what is common, about some value of it.

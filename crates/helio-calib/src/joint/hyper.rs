@@ -151,6 +151,16 @@ pub(super) struct Marks {
 }
 
 impl Marks {
+    /// How often each of so many records is odd: not believed or one that tells nothing, or after a jump of each axis.
+    pub fn odd(&self, count: usize, silent: &[usize]) -> Vec<usize> {
+        let mut odd = vec![0; count];
+        let jumped = self.jumps.iter().map(|(k, _)| k);
+        for &k in self.outliers.iter().chain(silent).chain(jumped) {
+            odd[k] += 1;
+        }
+        odd
+    }
+
     /// Those of records up to one.
     pub fn before(&self, last: usize) -> Self {
         let outliers = self.outliers.iter().filter(|k| **k <= last);

@@ -6,6 +6,7 @@
 use super::belief::{Belief, REFERENCES, Rates, Room, Surprise, Told};
 use super::common::Common;
 use super::hyper::Marks;
+use super::watch::Lately;
 
 /// How often things go wrong.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,6 +59,8 @@ pub struct Account {
     pub(super) told: Told<f64>,
     pub(super) marks: Marks,
     pub(super) drift: Drift,
+    /// How many of the last records do not fit the others.
+    pub(super) lately: Lately,
 }
 
 /// Exponentially weighted running mean of the misses of an account in their standard deviations.
@@ -92,6 +95,12 @@ impl Drift {
 }
 
 impl Account {
+    /// Counts a record that is not believed.
+    pub(super) fn unbelieved(&mut self) {
+        self.drift.unbelieved += 1;
+        self.lately.count(1);
+    }
+
     pub(super) fn new(belief: Belief<f64>) -> Self {
         Self {
             log_likelihood: 0.0,
@@ -99,6 +108,7 @@ impl Account {
             belief,
             marks: Marks::default(),
             drift: Drift::default(),
+            lately: Lately::default(),
         }
     }
 }
@@ -313,10 +323,11 @@ pub(super) fn told_by(
             Kind::Truth => {
                 let (surprise, room, deviates) = &mut surprises[parent];
                 account.drift.count(weight, *deviates);
+                account.lately.count(0);
                 account.belief.believe(surprise, room, &mut account.told);
             }
             Kind::Outlier => {
-                account.drift.unbelieved += 1;
+                account.unbelieved();
                 account.marks.outliers.push(k);
             }
             Kind::Jump(axes) => {
@@ -329,6 +340,9 @@ pub(super) fn told_by(
                 account.marks.jumps.extend(each.map(|axis| (k, axis)));
                 // what came before it says nothing of what comes after
                 account.drift = Drift::default();
+                account
+                    .lately
+                    .count(axes.into_iter().filter(|it| *it).count());
             }
         }
         after.push(account);

@@ -25,6 +25,7 @@ mod plan;
 mod rows;
 pub mod simulate;
 mod terms;
+mod watch;
 mod worth;
 mod zero;
 
@@ -58,6 +59,8 @@ pub use plan::NO_TARGET;
 pub use rows::DAY_NS;
 use rows::{ANGLES, MILLI, Structure, filter_unit, in_time, pole, usable};
 pub use terms::{AxisCause, Cause, Description, Scope, SpotCause};
+use watch::moves_on;
+pub use watch::{Lately, Spell, Watch, too_late};
 pub use worth::Worth;
 pub use zero::ZeroPoint;
 
@@ -136,15 +139,20 @@ pub struct Posterior {
     pub wandering: [f64; WANDERING],
     /// Covariance of all of these \[rad²\], row by row; what is common is part of it.
     pub covariance: Vec<f64>,
-    /// Its last record with a time \[days since 1970\]; none where no record has one: those then count as made
+    /// Its last record with a time \[days since 1970\], but for those not believed that are a month or more after those
+    /// that are; none where no record has one: those then count as made
     /// together with the first that comes after them.
     pub last_day: Option<f64>,
     /// Observations that were not believed.
     pub outliers: Vec<usize>,
     /// Observations before which the zero point of an axis jumped, in time.
     pub jumps: Vec<(usize, JumpSeen)>,
-    /// Records at the end that are not believed, one after the other.
+    /// Records at the end that are not believed or tell nothing, one after the other.
     pub unbelieved_last: usize,
+    /// Observations that tell nothing: their beam should not meet their target, or a number of theirs cannot be.
+    pub misses: Vec<usize>,
+    /// How many of its last records do not fit the others.
+    pub lately: Lately,
     /// How many observations it had.
     pub records: usize,
 }
@@ -269,8 +277,6 @@ pub fn fit_joint(
     fit_at(campaigns, options, SimdLevel::best())
 }
 
-/// A heliostat with more than one in so many of its records in wrong places is not learnt from.
-const UNFIT: usize = 4;
 /// Of the heliostats that noise and wander are learnt from one in so many gives a first guess at them.
 const FIRST_SHARE: usize = 4;
 
@@ -591,7 +597,13 @@ impl<'a> Work<'a> {
     /// Whether so many records of a heliostat do not fit the others that it says nothing of what is common, nor of
     /// how records scatter.
     fn unfit(&self, k: usize, marks: &Marks) -> bool {
-        (marks.outliers.len() + marks.jumps.len()) * UNFIT > self.campaigns[k].observations.len()
+        if *marks == Marks::default() {
+            return false;
+        }
+        let count = self.campaigns[k].observations.len();
+        let lately = Lately::of(&marks.odd(count, &[]));
+        let odd = marks.outliers.len() + marks.jumps.len();
+        watch::unfit(count as u64, odd as u64, &lately)
     }
 
     fn learn(&mut self, sample: &Sample) {
@@ -661,6 +673,11 @@ impl<'a> Work<'a> {
         for (n, members) in heliostats.chunks(BLOCK).enumerate() {
             self.linearise(group, members, places);
             let misses = group.misses(rows, prior);
+            let silent = core::array::from_fn(|lane| {
+                let of = members.get(lane);
+                let count = of.map_or(0, |&k| self.campaigns[k].observations.len());
+                (0..count).filter(|&r| misses[r][lane].is_nan()).collect()
+            });
             let mut judged = [false; BLOCK];
             for (lane, k) in members.iter().enumerate() {
                 if let Some(marks) = before.get(k) {
@@ -685,7 +702,10 @@ impl<'a> Work<'a> {
                     }
                 }
             }
-            let mut known = Beliefs::default();
+            let mut known = Beliefs {
+                silent,
+                ..Beliefs::default()
+            };
             let mut of_group = group.filter(self.level, prior, &mut known);
             for (lane, k) in members.iter().enumerate() {
                 let decided = before.contains_key(k) || judged[lane];
@@ -910,13 +930,22 @@ impl<'a> Work<'a> {
         }
         let mut heliostats: Vec<Posterior> = heliostats.into_iter().flatten().collect();
         for (k, posterior) in heliostats.iter_mut().enumerate() {
-            if let Some(marks) = marks.remove(&k)
-                && marks != Marks::default()
-            {
+            let marks = marks.remove(&k).unwrap_or_default();
+            if marks != Marks::default() || !posterior.misses.is_empty() {
                 let (of, days) = in_time(&self.campaigns[k]);
                 posterior.outliers = marks.outliers.iter().map(|&r| of[r]).collect();
-                let from_the_end = marks.outliers.iter().rev().zip((0..of.len()).rev());
-                posterior.unbelieved_last = from_the_end.take_while(|(r, k)| *r == k).count();
+                let believed =
+                    |r: &usize| !marks.outliers.contains(r) && !posterior.misses.contains(r);
+                let from_the_end = (0..of.len()).rev();
+                posterior.unbelieved_last = from_the_end.take_while(|r| !believed(r)).count();
+                posterior.lately = Lately::of(&marks.odd(of.len(), &posterior.misses));
+                posterior.last_day = posterior.last_day.and_then(|_| {
+                    let each = days.iter().enumerate();
+                    each.fold(None, |last, (r, &day)| moves_on(last, day, believed(&r)))
+                });
+                for record in &mut posterior.misses {
+                    *record = of[*record];
+                }
                 let jump = |&(r, axis): &(usize, usize)| (of[r], JumpSeen { day: days[r], axis });
                 posterior.jumps = marks.jumps.iter().map(jump).collect();
             }
@@ -966,6 +995,8 @@ impl<'a> Work<'a> {
                 outliers: Vec::new(),
                 jumps: Vec::new(),
                 unbelieved_last: 0,
+                misses: known.silent[lane].clone(),
+                lately: Lately::of(&vec![0; observations.len()]),
                 records: observations.len(),
             }
         };

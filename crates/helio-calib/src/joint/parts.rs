@@ -9,6 +9,7 @@ use super::hyper::{Hyper, Marks, Noise, Wander};
 use super::hypotheses::{Account, Drift, Mishaps};
 use super::rows::Structure;
 use super::terms::{AxisCause, Cause};
+use super::watch::{Lately, Watch};
 use crate::error::CalibrationError;
 
 /// [`FieldState`] as plain numbers: angles in mrad, everything else in its own unit. Triangles are lower ones,
@@ -41,6 +42,8 @@ pub struct StateParts {
     pub square: f64,
     /// Logarithm of the determinants of all records' covariances.
     pub log_determinant: f64,
+    /// The field as a whole, held against what was foretold.
+    pub watch: Watch,
     /// Each heliostat.
     pub heliostats: Vec<HeliostatParts>,
 }
@@ -59,6 +62,8 @@ pub struct AccountParts {
     pub drift_variance: f64,
     /// Records since the last that was believed.
     pub unbelieved: usize,
+    /// How many of the last records do not fit the others.
+    pub lately: Lately,
     /// Unknowns at rest, then wandering zero points, where all common unknowns are zero.
     pub mean: Vec<f64>,
     /// Their derivatives by the common unknowns, row by row.
@@ -95,6 +100,7 @@ impl FieldState {
             vector: self.told.told.vector.clone(),
             square: self.told.told.square,
             log_determinant: self.told.log_determinant,
+            watch: self.watch.clone(),
             heliostats: self.heliostats.iter().map(HeliostatParts::of).collect(),
         }
     }
@@ -132,6 +138,7 @@ impl FieldState {
         }
         check_diagonal("variance in spread", &parts.spread, shape.still)?;
         check_diagonal("diagonal of matrix", &parts.matrix, common)?;
+        check_watch(&parts.watch, parts.heliostats.len())?;
         let mut ids = HashSet::new();
         for (k, heliostat) in parts.heliostats.iter().enumerate() {
             let new = ids.insert(heliostat.id.as_str());
@@ -174,6 +181,7 @@ impl FieldState {
             spread: hyper.spread,
             told,
             common,
+            watch: parts.watch,
             heliostats,
         })
     }
@@ -220,6 +228,27 @@ fn check_diagonal(
     length: usize,
 ) -> Result<(), CalibrationError> {
     (0..length).try_for_each(|i| not_negative(what, triangle[at(i, i)]))
+}
+
+fn check_watch(watch: &Watch, heliostats: usize) -> Result<(), CalibrationError> {
+    let days = watch.spells.iter().flat_map(|spell| &spell.days);
+    for &day in watch.days.iter().chain(days) {
+        finite("watch.days", day)?;
+    }
+    let middles = watch.spells.iter().map(|spell| &spell.middle);
+    for &square in watch.waiting.values().chain(middles) {
+        not_negative("chi-squared of the watch", square)?;
+    }
+    for &place in watch.waiting.keys() {
+        let holds = place < heliostats;
+        demand(
+            "watch.waiting",
+            holds,
+            "one of the heliostats",
+            place as f64,
+        )?;
+    }
+    Ok(())
 }
 
 fn check_axis(axis: usize) -> Result<(), CalibrationError> {
@@ -316,6 +345,7 @@ impl AccountParts {
             drift: account.drift.mean,
             drift_variance: account.drift.variance,
             unbelieved: account.drift.unbelieved,
+            lately: account.lately,
             mean: belief.mean.clone(),
             gain: belief.gain_by_rows(),
             spread: belief.triangle(),
@@ -343,6 +373,8 @@ impl AccountParts {
         for &(_, axis) in &self.jumps {
             check_axis(axis)?;
         }
+        not_negative("lately.odd", self.lately.odd)?;
+        not_negative("lately.records", self.lately.records)?;
         let belief = Belief::of_parts(shape, self.mean, &self.gain, &self.spread);
         let mut account = Account::new(belief);
         account.log_likelihood = self.log_likelihood;
@@ -351,6 +383,7 @@ impl AccountParts {
             variance: self.drift_variance,
             unbelieved: self.unbelieved,
         };
+        account.lately = self.lately;
         if !(self.matrix.is_empty() && self.vector.is_empty()) {
             check("matrix", &self.matrix, Shape::triangle(common))?;
             check("vector", &self.vector, common)?;

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use helio_calib::Mount;
 use helio_calib::joint::{
-    AccountParts, Alarm, AxisCause, Cause, HeliostatParts, JumpSeen, Mishaps, Noise, SpotCause,
-    StateParts, Wander,
+    AccountParts, Alarm, AxisCause, Cause, HeliostatParts, JumpSeen, Lately, Mishaps, Noise, Spell,
+    SpotCause, StateParts, Wander, Watch,
 };
 use helio_io::output::{Cells, Destination, Format, write_columns};
 use helio_io::{KeptMount, LoadedField, Sha256, StateFile, load_field, read_state, write_state};
@@ -60,6 +60,10 @@ fn account(seed: u64, doubted: bool) -> AccountParts {
         drift: [0.1 * seed as f64, -0.2],
         drift_variance: 0.3,
         unbelieved: 2,
+        lately: Lately {
+            odd: 1.0 / 3.0,
+            records: 15.7,
+        },
         mean: odd(seed, 11),
         gain: odd(seed + 1, 154),
         spread: odd(seed + 2, 66),
@@ -93,6 +97,7 @@ fn state(loaded: &LoadedField) -> StateFile {
             id: id.clone(),
             last_day: (k != 1).then_some(20_454.123_456_789 + k as f64),
             records: 12 + k as u64,
+            misses: 2 * k as u64,
             outliers: k as u64,
             jump_count: 2 + k as u64,
             jumps: vec![
@@ -143,6 +148,25 @@ fn state(loaded: &LoadedField) -> StateFile {
             vector: odd(4, 14),
             square: 0.1 + 0.2,
             log_determinant: -1e-300,
+            watch: Watch {
+                days: [20_302.0, 20_305.0],
+                waiting: [(0, 0.1), (2, 1e9)].into_iter().collect(),
+                calm: 2,
+                spells: vec![
+                    Spell {
+                        days: [20_000.0, 20_010.0],
+                        heliostats: 12,
+                        middle: 7.0 / 3.0,
+                        lasts: false,
+                    },
+                    Spell {
+                        days: [20_300.0, 20_301.0],
+                        heliostats: 9,
+                        middle: 1e9,
+                        lasts: true,
+                    },
+                ],
+            },
             heliostats,
         },
         targets: vec![("board".into(), area.plane)],

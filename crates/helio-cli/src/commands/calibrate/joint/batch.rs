@@ -16,6 +16,8 @@ impl Run<'_> {
     pub(super) fn fit(&self, asked: Asked) -> Result<Outcome, Failure> {
         let (observations, hash) = self.observations()?;
         let provenance = self.provenance("joint", hash)?;
+        let so = "if their times are wrong, so is what is taken from them";
+        self.too_late(&observations, so)?;
         let campaigns: Vec<Campaign<'_>> = observations
             .heliostats
             .iter()
@@ -57,7 +59,13 @@ impl Run<'_> {
             })
             .collect();
         let jumps = jumps?;
-        let (state, rows) = self.followed(&fit, &observations)?;
+        let (mut state, rows) = self.followed(&fit, &observations)?;
+        state.look_back(&histories);
+        let spells = state.spells();
+        for (of_one, history) in seen.iter_mut().zip(&histories) {
+            let off = |one: &&History| spells.iter().any(|spell| spell.holds(one.day));
+            of_one.off = [history.iter().filter(off).count(), history.len()];
+        }
         seen.resize(rows.len(), Seen::default());
         let found = Found {
             state: &state,
@@ -101,7 +109,12 @@ impl Run<'_> {
         }
         self.say_fit(&fit, &worth, &observations.targets);
         self.say_judged(&observations, &judged, &jumps);
-        Ok(self.say_table(&written))
+        let off = self.say_spells(&spells, f64::NEG_INFINITY);
+        if off {
+            self.printer
+                .note(format_args!("what was found rests on these records too: mend them or leave them out, and fit again"));
+        }
+        Ok(self.say_table(&written, off))
     }
 
     /// The state after the fit, with every heliostat of the field: first those with observations.

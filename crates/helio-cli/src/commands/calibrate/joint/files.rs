@@ -84,7 +84,10 @@ impl Run<'_> {
             .iter()
             .map(|one| one.kind.as_str().to_owned())
             .collect();
-        let alarms: Vec<Option<i64>> = judged.iter().map(|one| one.alarm.map(i64::from)).collect();
+        let alarms: Vec<Option<i64>> = judged
+            .iter()
+            .map(|one| one.alarm.map(|alarm| i64::from(alarm != [false; 2])))
+            .collect();
         let mut columns = vec![
             ("id", Cells::Text(&ids)),
             ("time", Cells::Times(&times)),

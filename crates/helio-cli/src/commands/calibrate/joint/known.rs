@@ -1,7 +1,7 @@
 //! What is known of every heliostat, as rows of the calibration table.
 
 use helio_calib::aiming::encoder_angles_rad;
-use helio_calib::joint::{DAY_NS, FieldState, Foretold, Known, NO_TARGET};
+use helio_calib::joint::{DAY_NS, FieldState, Followed, Foretold, Known, NO_TARGET, Spell};
 use helio_calib::plan::year_suns;
 use helio_calib::{
     Campaign, Duty, Mount, Observation, Parameter, Parameters, Sighting, tilt_standard_error,
@@ -10,7 +10,7 @@ use helio_core::{EnuUnit, TargetPlane};
 use helio_io::{CalibratedSet, JointColumns, errors_as_written};
 use rayon::prelude::*;
 
-use super::{OK, Run};
+use super::{OK, Run, days_of};
 use crate::commands::calibrate::LOWEST_SUN_RAD;
 use crate::failure::Failure;
 use crate::plan::{SunClock, toward};
@@ -19,10 +19,8 @@ use crate::plan::{SunClock, toward};
 const HOURS: i64 = 24;
 /// Camera's scatter on the target of a spot that no camera sees \[m\].
 const NO_CAMERA_M: f64 = 1e-9;
-/// From so many records on a heliostat is not explained where many of them are not believed.
-const FEW: u64 = 8;
-/// Nor where so many of the last are not, one after the other.
-const UNEXPLAINED_RUN: usize = 4;
+/// A row rests on times when the field was off where more than one in so many of its records are of them.
+const MUCH_OFF: usize = 8;
 /// Of the suns of a year so many-th are looked at: at other hours on each of its days.
 const YEAR_STEP: usize = 41;
 
@@ -33,6 +31,8 @@ pub(super) struct Seen {
     /// pivot to target, and of the beam as it was expected.
     squares: [f64; 3],
     count: usize,
+    /// Records while the field as a whole was off that a fit rests on, and all that it rests on.
+    pub off: [usize; 2],
     /// First and last \[ns of Unix time\].
     pub times: Option<(i64, i64)>,
 }
@@ -88,10 +88,9 @@ pub(super) struct Day {
 }
 
 impl Run<'_> {
-    /// The day `--ahead` of the last record of the state.
+    /// The day `--ahead` of the last day of the state.
     pub(super) fn day(&self, state: &FieldState) -> Result<Day, Failure> {
-        let last = state.heliostats().iter().filter_map(|h| h.last_day);
-        let day = last.fold(f64::MIN, f64::max) + self.args.joint.ahead;
+        let day = state.last_day().unwrap_or(f64::MIN) + self.args.joint.ahead;
         let middle = (day * DAY_NS) as i64;
         let hour_ns = 3_600_000_000_000;
         let times: Vec<i64> = (0..HOURS)
@@ -125,9 +124,10 @@ impl Run<'_> {
             .filter_map(|(place, row)| Some(((*row)?, place)))
             .collect();
         places.sort_unstable();
+        let spells = state.spells();
         places
             .into_par_iter()
-            .map(|(row, place)| self.set(state, row, place, &seen[place], day))
+            .map(|(row, place)| self.set(state, row, place, &seen[place], (day, &spells)))
             .collect()
     }
 
@@ -137,7 +137,7 @@ impl Run<'_> {
         row: usize,
         place: usize,
         seen: &Seen,
-        day: &Day,
+        (day, spells): (&Day, &[Spell]),
     ) -> Result<CalibratedSet, Failure> {
         let id = &self.loaded.field.ids()[row];
         let followed = &state.heliostats()[place];
@@ -200,18 +200,9 @@ impl Run<'_> {
             .filter(|square| square.is_finite())
             .collect();
         let [beam_rms_mrad, rms_mrad, expected_mrad] = seen.rms_mrad();
-        let (unbelieved, in_a_row) = (followed.unbelieved(), followed.unbelieved_last());
-        let doubtful = followed.records >= FEW && followed.unfit();
-        let unexplained = doubtful || in_a_row >= UNEXPLAINED_RUN;
-        let refused = if unexplained {
-            let why = format!(
-                "{unbelieved} of its {} records do not fit the others, the last {in_a_row} of them one after the other, \
-                 and its zero points jumped {} times",
-                followed.records, followed.jump_count
-            );
-            Some(("unexplained", why))
-        } else {
-            refused.map(|why| ("undetermined", why))
+        let refused = match unexplained(followed, seen, spells) {
+            Some(why) => Some(("unexplained", why)),
+            None => refused.map(|why| ("undetermined", why)),
         };
         let good = refused.is_none();
         Ok(CalibratedSet {
@@ -225,8 +216,8 @@ impl Run<'_> {
             rms_mrad,
             beam_rms_mrad,
             year_pointing_mrad,
-            observations: (followed.records - followed.outliers.min(followed.records)) as usize,
-            rejected: followed.outliers as usize,
+            observations: followed.believed() as usize,
+            rejected: (followed.records - followed.believed()) as usize,
             observed_ns: seen.times,
             joint: Some(JointColumns {
                 pose_sigmas_rad: known.pose_sigmas_rad,
@@ -242,6 +233,36 @@ impl Run<'_> {
             }
         })
     }
+}
+
+/// Why a heliostat is not to be believed now, if it is not.
+fn unexplained(followed: &Followed, seen: &Seen, spells: &[Spell]) -> Option<String> {
+    let (unbelieved, misses) = (followed.unbelieved(), followed.misses);
+    if followed.unexplained() {
+        let missing = match misses {
+            0 => String::new(),
+            misses => format!(", {misses} should not meet their targets at all"),
+        };
+        return Some(format!(
+            "of its {} records {unbelieved} do not fit the others{missing}, the last {} one after the other, and its zero \
+             points jumped {} times; of its last records {:.0} % are odd so",
+            followed.records,
+            followed.unbelieved_last(),
+            followed.jump_count,
+            100.0 * followed.lately().share().min(1.0)
+        ));
+    }
+    let last = followed.last_day?;
+    if let Some(spell) = spells.iter().find(|spell| spell.holds(last)) {
+        return Some(format!(
+            "its last record is of a time when the field as a whole was off, {}",
+            days_of(spell)
+        ));
+    }
+    let [off, all] = seen.off;
+    (MUCH_OFF * off > all).then(|| {
+        format!("{off} of its {all} records are of times when the field as a whole was off")
+    })
 }
 
 /// Covariance of the seven parameters; the mirror offset is as the field states it.

@@ -9,8 +9,8 @@ mod page;
 mod said;
 mod update;
 
-use helio_calib::joint::{Foretold, StepKind};
-use helio_calib::{CalibrationError, Mount};
+use helio_calib::joint::{DAY_NS, Foretold, Spell, StepKind, too_late};
+use helio_calib::{CalibrationError, Mount, Observation};
 use helio_io::output::{Destination, Format};
 use helio_io::{
     AtomicFile, CalibratedSet, KeptMount, LoadedField, Observations, Provenance, format_time,
@@ -169,6 +169,19 @@ struct Asked {
     format: Format,
 }
 
+/// When a spell was, in words.
+fn days_of(spell: &Spell) -> String {
+    let [first, last] = spell.days.map(|day| {
+        let time = format_time((day * DAY_NS) as i64);
+        time.split('T').next().unwrap_or_default().to_owned()
+    });
+    match spell.lasts {
+        true => format!("since {first}"),
+        false if first == last => format!("on {first}"),
+        false => format!("from {first} to {last}"),
+    }
+}
+
 /// What both ways have in common.
 struct Run<'a> {
     args: &'a CalibrateArgs,
@@ -189,8 +202,9 @@ struct Judged {
     zero_sigma_rad: [f64; 2],
     /// Whether the zero point of either axis is taken to have jumped before it.
     jumped: [bool; 2],
-    /// Only of records that were followed.
-    alarm: Option<bool>,
+    /// Whether it raised an alarm, and whether as the third in a row that is not believed; only of records that were
+    /// followed.
+    alarm: Option<[bool; 2]>,
 }
 
 /// A jump of a zero point, for people.
@@ -326,8 +340,67 @@ impl Run<'_> {
         ));
     }
 
-    /// The table in a line.
-    fn say_table(&self, written: &Written) -> Outcome {
+    /// Records whose time is hardly theirs: more than a month after those of almost all heliostats of the table, as each
+    /// heliostat and observation; said aloud.
+    fn too_late(&self, observations: &Observations, so: &str) -> Result<f64, Failure> {
+        let day = |o: &Observation| o.unix_ns.map(|ns| ns as f64 / DAY_NS);
+        let last_days: Vec<f64> = observations
+            .heliostats
+            .iter()
+            .filter_map(|of| of.observations.iter().filter_map(day).reduce(f64::max))
+            .collect();
+        let limit = too_late(&last_days);
+        let mut late = 0;
+        let mut first = None;
+        for of in &observations.heliostats {
+            for (observation, &record) in of.observations.iter().zip(&of.records) {
+                if day(observation).is_some_and(|day| day > limit) {
+                    late += 1;
+                    first.get_or_insert((record, of.row, observation.unix_ns));
+                }
+            }
+        }
+        if let Some((record, row, ns)) = first {
+            self.printer.warn(format_args!(
+                "{}: {} more than 30 days after those of the other heliostats (first {}, heliostat `{}`, {}): {so}",
+                observations.path.display(),
+                match late {
+                    1 => "1 record is dated".to_owned(),
+                    late => format!("{} records are dated", Grouped(late)),
+                },
+                observations.position(record)?,
+                self.loaded.field.ids()[row],
+                ns.map_or(String::new(), format_time)
+            ));
+        }
+        Ok(limit)
+    }
+
+    /// When the field as a whole was off, from a day on; whether it was.
+    fn say_spells(&self, spells: &[Spell], from: f64) -> bool {
+        let now = |spell: &&Spell| spell.lasts || spell.days[1] >= from;
+        let said: Vec<&Spell> = spells.iter().filter(now).collect();
+        for spell in said.iter().take(SAID) {
+            self.printer.warn(format_args!(
+                "{} the field as a whole was off: more than half of {} at a time missed by far more than was expected of \
+                 them. Rather than each of them, a clock, the name or the survey of a target, the table of angles or a \
+                 camera is wrong",
+                days_of(spell),
+                Counted(spell.heliostats, "heliostat")
+            ));
+        }
+        if said.len() > SAID {
+            let more = said.len() - SAID;
+            self.printer.warn(format_args!(
+                "... and {} in which it was",
+                Counted(more, "more spell")
+            ));
+        }
+        !said.is_empty()
+    }
+
+    /// The table in a line; `off` where the field as a whole is not to be believed.
+    fn say_table(&self, written: &Written, off: bool) -> Outcome {
         let sets = &written.sets;
         let bad = sets.iter().filter(|set| set.status != OK).count();
         let foretold = sets
@@ -338,10 +411,13 @@ impl Run<'_> {
             Some(mrad) => format!("; beams expected to miss by {mrad:.2} mrad in the middle"),
             None => String::new(),
         };
-        let bad_words = match bad {
-            0 => String::new(),
-            bad => format!(", {} undetermined", Grouped(bad as u64)),
-        };
+        let mut bad_words = String::new();
+        for status in ["undetermined", "unexplained"] {
+            let count = sets.iter().filter(|set| set.status == status).count();
+            if count > 0 {
+                bad_words += &format!(", {} {status}", Grouped(count as u64));
+            }
+        }
         self.printer.say(format_args!(
             "{}: {} ok{bad_words}{typical}; {}",
             Counted(sets.len(), "row"),
@@ -351,7 +427,7 @@ impl Run<'_> {
         for change in &written.changes {
             self.printer.say(format_args!("{change}"));
         }
-        if bad > 0 {
+        if bad > 0 || off {
             Outcome::SomeRowsFailed
         } else {
             Outcome::Good

@@ -100,8 +100,7 @@ impl Run<'_> {
         asked: &Proposals,
         found: &Found<'_>,
     ) -> Result<Vec<(usize, Proposal)>, Failure> {
-        let last = found.state.heliostats().iter().filter_map(|h| h.last_day);
-        let last_ns = (last.fold(f64::MIN, f64::max) * DAY_NS) as i64;
+        let last_ns = (found.state.last_day().unwrap_or(f64::MIN) * DAY_NS) as i64;
         if asked.candidates.iter().all(|c| c.unix_ns < last_ns) {
             self.printer.warn(format_args!(
                 "--plan-date {}: the records go on until {}; zero points are taken as they are then",

@@ -225,7 +225,7 @@ impl Source<'_> {
                 let mrad = |x: Vec<f64>| shown.iter().map(|&k| 1e3 * x[k]).collect();
                 Ok(HeliostatLine {
                     id: self.loaded.field.ids()[row].clone(),
-                    observations: found.state.heliostats()[place].records as usize,
+                    observations: found.state.heliostats()[place].believed() as usize,
                     values_mrad: mrad(values),
                     sigmas_mrad: mrad(sigmas),
                     records: Vec::new(),

@@ -115,7 +115,7 @@ impl Run<'_> {
                         StepKind::Jump(axes) => axes,
                         _ => [false; 2],
                     },
-                    alarm: Some(step.alarm),
+                    alarm: Some([step.alarm, step.unbelieved]),
                 });
             }
             let after = &parts.heliostats[one.place];
@@ -172,7 +172,14 @@ impl Run<'_> {
             Counted(rows.len(), "heliostat"),
             Bytes(state_bytes)
         ));
-        Ok(self.say_table(&written))
+        let times = seen.iter().filter_map(|one| one.times);
+        let from_ns = times.map(|(first, _)| first).min().unwrap_or(i64::MAX);
+        let from = (from_ns as f64 / DAY_NS).floor();
+        let spells = state.spells();
+        self.say_spells(&spells, from);
+        // one that is over was learnt from no more than its rows say
+        let off = spells.iter().any(|spell| spell.lasts);
+        Ok(self.say_table(&written, off))
     }
 
     /// Adds the heliostats of the field that the state does not have.
@@ -222,6 +229,8 @@ impl Run<'_> {
             .iter()
             .map(|(name, _)| targets.iter().position(|(known, _)| known == name))
             .collect();
+        let so = "left aside; if that is right, give them in a table of their own";
+        let late = self.too_late(observations, so)?;
         let mut seen_on = BTreeSet::new();
         let mut old = 0;
         let mut first_old = None;
@@ -239,6 +248,9 @@ impl Run<'_> {
             };
             for (k, observation) in of.observations.iter().enumerate() {
                 let day = observation.unix_ns.unwrap_or_default() as f64 / DAY_NS;
+                if day > late {
+                    continue;
+                }
                 if last.is_some_and(|last| day <= last) {
                     old += 1;
                     first_old.get_or_insert((of.records[k], of.row));
@@ -280,7 +292,8 @@ impl Run<'_> {
                 observations.position(record)?,
                 self.loaded.field.ids()[row]
             );
-            if fresh.is_empty() {
+            // what to see next can be asked of a state at any time
+            if fresh.is_empty() && self.args.plan_date.is_none() {
                 return Err(Failure::refused(format!(
                     "{words}, and none is newer: it seems to be taken in already; nothing was written"
                 )));
@@ -294,33 +307,40 @@ impl Run<'_> {
 
     fn say_alarms(&self, state: &FieldState, observations: &Observations, judged: &[Judged]) {
         let id = |index: usize| &self.loaded.field.ids()[observations.heliostats[index].row];
-        let mut first: Vec<(usize, i64)> = Vec::new();
-        for one in judged.iter().filter(|one| one.alarm == Some(true)) {
+        // what each heliostat first raised one for
+        let mut first: Vec<(usize, i64, [bool; 2])> = Vec::new();
+        for one in judged {
+            let Some(alarm) = one.alarm.filter(|alarm| *alarm != [false; 2]) else {
+                continue;
+            };
             if first.last().is_none_or(|last| last.0 != one.index) {
                 let of = &observations.heliostats[one.index].observations;
-                first.push((one.index, of[one.observation].unix_ns.unwrap_or_default()));
+                let unix_ns = of[one.observation].unix_ns.unwrap_or_default();
+                first.push((one.index, unix_ns, alarm));
             }
         }
-        for (index, unix_ns) in first.iter().take(SAID) {
-            self.printer.say(format_args!(
-                "{}: drift alarm at {}: it misses to one side by more than what is known of it explains",
-                id(*index),
-                format_time(*unix_ns)
-            ));
+        for (index, unix_ns, [_, unbelieved]) in first.iter().take(SAID) {
+            let why = match unbelieved {
+                true => "its last three records in a row are not believed",
+                false => "it misses to one side by more than what is known of it explains",
+            };
+            let (id, time) = (id(*index), format_time(*unix_ns));
+            self.printer
+                .say(format_args!("{id}: alarm at {time}: {why}"));
         }
         if first.len() > SAID {
             let more = first.len() - SAID;
             self.printer.say(format_args!(
                 "... and {}; --steps shows all",
-                Counted(more, "drift alarm")
+                Counted(more, "alarm")
             ));
         }
         let rate = state.alarm.false_alarm_rate;
         self.printer.say(format_args!(
-            "drift alarms: {} of {}; {} of the records of heliostats without drift raise one",
+            "alarms: {} of {}; of the records of heliostats without drift some {} % raise one",
             Grouped(first.len() as u64),
             Counted(observations.heliostats.len(), "heliostat"),
-            format_args!("{} %", 100.0 * rate)
+            100.0 * rate
         ));
     }
 }
