@@ -195,10 +195,9 @@ fn a_covered_mark_follows_from_the_others() {
         let (width, height) = (picture.view().width(), picture.view().height());
         let plain: Vec<u8> = picture.view().rows().flatten().copied().collect();
         let board = board(target);
-        for hidden in 0..4 {
+        for (hidden, &[x, y]) in wanted.iter().enumerate() {
             for gray in [255, 10] {
                 let mut covered = plain.clone();
-                let [x, y] = wanted[hidden];
                 for (k, value) in covered.iter_mut().enumerate() {
                     let [dx, dy] = [(k % width) as f64 - x, (k / width) as f64 - y];
                     if dx.hypot(dy) < 220.0 {
@@ -214,8 +213,9 @@ fn a_covered_mark_follows_from_the_others() {
                 )
                 .unwrap_or_else(|e| panic!("{frame} {target} {hidden}: {e}"));
                 assert_eq!(found.seen, core::array::from_fn(|i| i != hidden));
-                for k in 0..2 {
-                    let z = (found.at_px[hidden][k] - wanted[hidden][k]) / found.sigma_px[hidden];
+                let at = found.at_px[hidden];
+                for off in [at[0] - x, at[1] - y] {
+                    let z = off / found.sigma_px[hidden];
                     assert!(z.abs() < 4.0, "{frame} {target} {hidden}: {z}");
                     squares += z * z;
                     count += 1.0;

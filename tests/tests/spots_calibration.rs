@@ -208,7 +208,7 @@ fn seven_frames_correct_a_heliostat() {
         .map(|&row| {
             let id = records.text(row, "record_id");
             let at = plant.ids.iter().position(|other| other == id).unwrap();
-            plant.observations[at].clone()
+            plant.observations[at]
         })
         .collect();
     let none = Parameters::new(&helio_core::MountErrors::default(), mount.mirror_offset_m);

@@ -1,8 +1,10 @@
 //! Spots of the pictures of Jülich against the two references there are, `HeliOS` and `UTIS`, beside plain Otsu.
 //!
 //! ```text
-//! HELIO_DATA=DIR juelich_spots [even|odd|all]
+//! HELIO_DATA=DIR juelich_spots [even|odd|all|table]
 //! ```
+//!
+//! `table` writes the table of docs/spots.md, and nothing else.
 //!
 //! Choices were made on pictures whose number is even; odd ones are told apart. Distances are in centimetres on the
 //! target. Plain Otsu is the gray-weighted centroid of all pixels above Otsu's threshold.
@@ -287,6 +289,49 @@ fn summary(what: &str, rows: &[Row], half: Half) {
     }
 }
 
+/// A line for each method of pictures of a kind and half: claims, distances, how many are far from both references.
+fn lines(kind: &str, rows: &[Row], half: Half) {
+    let rows: Vec<&Row> = rows.iter().filter(|row| row.half == half).collect();
+    if rows.is_empty() {
+        return;
+    }
+    let word = if half == Half::Even { "even" } else { "odd" };
+    let claims = rows.iter().filter(|row| row.status.has_position()).count();
+    for (method, pick) in [
+        ("`robust`", (|row: &Row| row.distances_m) as fn(&Row) -> _),
+        ("plain Otsu", |row: &Row| row.otsu_m),
+    ] {
+        let claims = if method == "plain Otsu" {
+            rows.len()
+        } else {
+            claims
+        };
+        let pairs: Vec<[f64; 2]> = rows
+            .iter()
+            .filter(|row| row.agree)
+            .filter_map(|row| pick(row))
+            .collect();
+        print!(
+            "| {kind}, {word} | {method} | {claims} of {} | ",
+            rows.len()
+        );
+        if pairs.is_empty() {
+            println!("| | | | |");
+            continue;
+        }
+        let of = |value: fn(&[f64; 2]) -> f64| pairs.iter().map(value);
+        let nearer: fn(&[f64; 2]) -> f64 = |[a, b]| a.min(*b);
+        println!(
+            "{} | {:.1} | {:.1} | {:.1} | {:.1} |",
+            pairs.len(),
+            100.0 * median(of(|d| d[0])),
+            100.0 * median(of(|d| d[1])),
+            100.0 * median(of(nearer)),
+            100.0 * of(nearer).fold(0.0, f64::max),
+        );
+    }
+}
+
 fn main() -> Result<()> {
     let root = std::env::var_os("HELIO_DATA").ok_or("HELIO_DATA is not set")?;
     let folder = Path::new(&root).join("juelich");
@@ -361,6 +406,20 @@ fn main() -> Result<()> {
         others.push((kind, rows));
     }
 
+    if wanted == "table" {
+        println!(
+            "| pictures | method | positions | with both references | to HeliOS, cm | to UTIS, cm | to the nearer, cm | farthest |"
+        );
+        println!("|---|---|---|---|---|---|---|---|");
+        for half in [Half::Even, Half::Odd] {
+            lines("crops", &crops, half);
+            lines("frames", &frames, half);
+            for (kind, rows) in &others {
+                lines(&kind.replace('_', " "), rows, half);
+            }
+        }
+        return Ok(());
+    }
     println!("distances in cm                                     robust          otsu");
     println!(
         "picture                      half  status     HeliOS   UTIS  HeliOS   UTIS  sigma  flags"

@@ -29,7 +29,7 @@ enum Outcome {
 }
 
 fn main() -> ExitCode {
-    keep_silent_about_damaged_parquet();
+    keep_silent_about_damaged_files();
     let args = Args::typed();
     let printer = Printer::new(args.verb.is_quiet());
     match run(&args, &printer) {
@@ -44,11 +44,12 @@ fn main() -> ExitCode {
     }
 }
 
-/// The reader of Parquet panics on some damaged files; that is caught and becomes a message of ours.
-fn keep_silent_about_damaged_parquet() {
+/// The readers of Parquet and of pictures panic on some damaged files; that is caught and becomes a message of ours.
+fn keep_silent_about_damaged_files() {
     let hook = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |info| {
-        if std::thread::current().name() != Some(helio_io::PARQUET_THREAD) {
+        let parquet = std::thread::current().name() == Some(helio_io::PARQUET_THREAD);
+        if !parquet && !helio_spot::is_decoding() {
             hook(info);
         }
     }));

@@ -274,3 +274,76 @@ fn bad_input_is_refused() {
     assert_eq!(run.code(), 2);
     assert!(run.stderr().contains("nowhere.csv"), "{}", run.stderr());
 }
+
+/// Entered twice, frames are no more than entered once.
+#[test]
+fn frames_that_stand_twice_change_no_verdict() {
+    let few = [
+        "--minutes",
+        "46",
+        "--frames-per-s",
+        "1",
+        "--memory-s",
+        "0.01",
+        "--seed",
+        "9",
+    ];
+    let folder = campaign(&few);
+    let once = folder.run(EVALUATE);
+    let spots = folder.read("spots.csv");
+    let (_, body) = spots.split_once('\n').unwrap();
+    folder.write("spots.csv", spots.clone() + body);
+    let twice = folder.run(EVALUATE);
+    assert_eq!((once.code(), twice.code()), (0, 1), "{}", twice.stderr());
+    let [once, run] =
+        [&once, &twice].map(|run| serde_json::from_str::<Value>(&run.stdout()).unwrap());
+    assert_eq!(once["verdict"], "not enough data");
+    for key in ["verdict", "shares", "figures", "histogram"] {
+        assert_eq!(run[key], once[key], "{key}");
+    }
+    let rows = body.lines().count();
+    assert_eq!(run["frames"]["repeated"], rows);
+    let said = twice.stderr();
+    assert!(
+        said.contains(&format!(
+            "rows with the time of an earlier row, left out: {rows}; they say the same"
+        )),
+        "{said}"
+    );
+}
+
+/// A table shows how its spots were found, whatever is stated.
+#[test]
+fn the_method_is_that_of_the_table() {
+    let folder = Folder::empty();
+    let run = |line: &str| folder.run(&line.split_whitespace().collect::<Vec<_>>());
+    run("simulate images --frames 3 --seed 1 --out f").good();
+    folder.write("c.toml", "[measurement]\nspot_method = \"standard\"\n");
+    for (method, outcome) in [
+        ("robust", "deviates"),
+        ("standard --threshold multi:3", "met"),
+    ] {
+        run(&format!(
+            "spot f --target f/target.toml --fps 1 --start 2026-06-20T08:00:00Z --method {method} --out s.csv"
+        ))
+        .good();
+        let found = run("accuracy --spots s.csv --slant-m 100 --campaign c.toml");
+        let json: Value = serde_json::from_str(&found.stdout()).unwrap();
+        for number in ["7.2", "A.2"] {
+            let all = json["clauses"].as_array().unwrap();
+            let clause = all.iter().find(|c| c["clause"] == number).unwrap();
+            assert_eq!(clause["outcome"], outcome, "{method}: {clause}");
+        }
+        let warned = found
+            .stderr()
+            .contains("s.csv is of the method robust, though c.toml states standard");
+        assert_eq!(warned, method == "robust", "{}", found.stderr());
+    }
+    // Blamed on the file that says it.
+    folder.write("c.toml", "[uncertainty]\nslant_m = 50\n");
+    let said = run("accuracy --spots s.csv --slant-m 100 --campaign c.toml").stderr();
+    assert!(
+        said.contains("c.toml: the uncertainty of the distance must be less than a tenth"),
+        "{said}"
+    );
+}

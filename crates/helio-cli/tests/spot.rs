@@ -74,6 +74,39 @@ fn marks_are_looked_for_where_no_corners_are_given() {
     assert!(misses.iter().all(|&m| m < 0.02), "{misses:?}");
 }
 
+/// The range that the manual states; beyond it the target is not found, and no position is claimed.
+#[test]
+fn marks_are_found_in_the_range_stated() {
+    for (pose, seen) in [
+        ("--roll-deg 25", true),
+        ("--turn-deg 40", true),
+        ("--tilt-deg -40", true),
+        ("--turn-deg -25 --tilt-deg 25 --roll-deg -10", true),
+        ("--distortion -0.5", true),
+        ("--distortion 0.5", true),
+        ("--size 200x150", true),
+        ("--roll-deg 30", false),
+        ("--turn-deg 45", false),
+    ] {
+        let folder = simulated(&format!("--frames 3 --seed 11 --find-marks {pose}"));
+        let run = spot(&folder, &["f"]);
+        let found = rows(&run.stdout());
+        if seen {
+            assert!(
+                found.iter().all(|row| row["status"] == "ok"),
+                "{pose}: {found:?}"
+            );
+            let misses = misses(&folder, &run.stdout());
+            assert!(misses.iter().all(|&m| m < 0.03), "{pose}: {misses:?}");
+        } else {
+            assert!(
+                found.iter().all(|row| row["status"] == "no_target"),
+                "{pose}"
+            );
+        }
+    }
+}
+
 #[test]
 fn any_number_of_threads_gives_the_same_bytes_in_the_order_of_the_frames() {
     let folder = simulated("--frames 5 --seed 2 --empty-every 2");
@@ -86,9 +119,9 @@ fn any_number_of_threads_gives_the_same_bytes_in_the_order_of_the_frames() {
     assert_eq!(one, run("3"));
     let names: Vec<String> = rows(&one).iter().map(|row| row["file"].clone()).collect();
     let status: Vec<String> = rows(&one).iter().map(|row| row["status"].clone()).collect();
-    assert_eq!(names.len(), 6);
+    assert_eq!(names.len(), 5);
     assert!(names[0].ends_with("000004.png") && names[1].ends_with("000001.png"));
-    assert_eq!(status, ["empty", "ok", "empty", "ok", "empty", "ok"]);
+    assert_eq!(status, ["empty", "ok", "empty", "ok", "ok"]);
     let empty = &rows(&one)[0];
     assert!(empty["u_m"].is_empty() && empty["sigma_m"].is_empty());
 }
@@ -317,4 +350,232 @@ fn frames_lead_to_a_calibration() {
         "{}",
         run(whole).stderr()
     );
+}
+
+#[test]
+fn a_file_named_twice_is_taken_once() {
+    let folder = simulated("--frames 3 --seed 2");
+    folder.write("list.txt", "f/000003.png\nf/../f/000001.png\n");
+    let run = spot(&folder, &["f", "f", "@list.txt"]);
+    assert_eq!(rows(&run.good()).len(), 3);
+    let said = spot(&folder, &["f", "f", "@list.txt"]).stderr();
+    assert!(
+        said.contains("warning: 5 files named more than once and taken once, first f/000001.png"),
+        "{said}"
+    );
+    assert!(!spot(&folder, &["f"]).stderr().contains("warning"));
+}
+
+#[test]
+fn no_target_says_why() {
+    let folder = simulated("--frames 1 --seed 2 --size 300x220");
+    let corners = |[left, top]: [f64; 2], side: f64, more: &str| {
+        let (right, low) = (left + side, top + side);
+        folder.write(
+            "t.toml",
+            format!(
+                "width_m = 8\nheight_m = 7\n{more}corners_px = [[{left}, {top}], [{right}, {top}], \
+                 [{right}, {low}], [{left}, {low}]]\n"
+            ),
+        );
+    };
+    for method in ["robust", "standard"] {
+        let said = || {
+            let args = ["spot", "--target", "t.toml", "--method", method, "f"];
+            let row = rows(&folder.run(&args).stdout()).remove(0);
+            (row["status"].clone(), row["reason"].clone())
+        };
+        corners([1000.0, 10.0], 100.0, "");
+        let (status, reason) = said();
+        assert_eq!(status, "no_target");
+        assert!(
+            reason.contains("outside the picture") && reason.contains("300 x 220"),
+            "{method}: {reason}"
+        );
+        // Corners of frames of another size.
+        corners(
+            [60.0, 40.0],
+            150.0,
+            "frame_width_px = 1200\nframe_height_px = 880\n",
+        );
+        let (status, reason) = said();
+        assert_eq!(status, "no_target");
+        assert!(
+            reason.contains("300 x 220") && reason.contains("1200 x 880"),
+            "{method}: {reason}"
+        );
+        corners(
+            [60.0, 40.0],
+            150.0,
+            "frame_width_px = 300\nframe_height_px = 220\n",
+        );
+        assert_ne!(said().0, "no_target");
+    }
+    for side in [2.0, 10.0] {
+        corners([60.0, 40.0], side, "");
+        let args = ["spot", "--target", "t.toml", "f"];
+        let row = rows(&folder.run(&args).stdout()).remove(0);
+        if row["status"] == "no_target" {
+            assert!(row["reason"].contains("too few pixels"), "{row:?}");
+        }
+    }
+}
+
+/// Files at which decoders panic are rows, and nobody reads of panics.
+#[test]
+fn hostile_files_are_told_in_a_line() {
+    let folder = simulated("--frames 1");
+    let found = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../helio-spot/tests/corpus/found/*"
+    );
+    let run = spot(&folder, &[found, "--quiet"]);
+    assert_eq!(run.stderr(), "");
+    let all = rows(&run.stdout());
+    assert!(all.len() > 200);
+    assert!(
+        all.iter()
+            .any(|row| row["reason"].contains("the decoder gave up"))
+    );
+    for row in all {
+        assert!(row["reason"].chars().count() <= 200, "{row:?}");
+        assert_eq!(
+            row["status"] == "unreadable",
+            !row["reason"].is_empty() && row["status"] != "no_target"
+        );
+    }
+}
+
+/// Frames of observations show their spots, and the log names the frames.
+#[test]
+fn frames_of_observations_show_their_spots() {
+    let folder = Folder::empty();
+    folder.write(
+        "seen.csv",
+        "heliostat_id,time,axis1_deg,axis2_deg,u_m,v_m,sigma_m\n\
+         A1,2026-06-21T09:00:00Z,12.5,30,1.25,-0.5,0.01\nA1,2026-06-21T10:00:00Z,13.5,31,-1,0.75,0.01\n",
+    );
+    let args = [
+        "simulate",
+        "images",
+        "--observations",
+        "seen.csv",
+        "--out",
+        "f",
+    ];
+    folder.run(&args).good();
+    let log = folder.read("f/log.csv");
+    assert_eq!(
+        log,
+        "heliostat_id,time,axis1_deg,axis2_deg,file\nA1,2026-06-21T09:00:00Z,12.5,30,000001.png\n\
+         A1,2026-06-21T10:00:00Z,13.5,31,000002.png\n"
+    );
+    let found = rows(&spot(&folder, &["f"]).good());
+    for (row, [u_m, v_m]) in found.iter().zip([[1.25, -0.5], [-1.0, 0.75]]) {
+        let off = (number(row, "u_m") - u_m).hypot(number(row, "v_m") - v_m);
+        assert!(off < 0.01, "{row:?}");
+    }
+    let both = folder.run(&[&args[..], &["--frames", "3"]].concat());
+    assert_eq!(both.code(), 2);
+    folder.write("seen.csv", "heliostat_id,u_m,v_m\nA1,1,2\nA1,,\n");
+    let run = folder.run(&args);
+    assert!(run.stderr().contains("seen.csv:3"), "{}", run.stderr());
+}
+
+#[test]
+fn somebodys_files_are_kept() {
+    let folder = Folder::empty();
+    std::fs::create_dir(folder.path().join("keep")).unwrap();
+    folder.write("keep/target.toml", "width_m = 3\nheight_m = 3\n");
+    let before = folder.contents();
+    let run = folder.run(&["simulate", "images", "--frames", "1", "--out", "keep"]);
+    assert_eq!(run.code(), 2);
+    assert!(
+        run.stderr().contains("holds target.toml"),
+        "{}",
+        run.stderr()
+    );
+    assert!(folder.contents() == before);
+    assert_eq!(
+        folder.read("keep/target.toml"),
+        "width_m = 3\nheight_m = 3\n"
+    );
+    // Its own are made anew.
+    for _ in 0..2 {
+        folder
+            .run(&["simulate", "images", "--frames", "1", "--out", "mine"])
+            .good();
+    }
+    folder.write("file", "");
+    let run = folder.run(&[
+        "spot",
+        "--target",
+        "mine/target.toml",
+        "mine",
+        "--overlay",
+        "file",
+    ]);
+    assert_eq!(run.code(), 2);
+    assert!(
+        run.stderr()
+            .contains("--overlay: file is a file; wanted a folder"),
+        "{}",
+        run.stderr()
+    );
+}
+
+/// A name is not enough where times tell otherwise, nor is one frame for several poses.
+#[test]
+fn frames_join_by_name_and_time() {
+    let folder = Folder::new();
+    let run = |line: &str| folder.run(&line.split_whitespace().collect::<Vec<_>>());
+    run(
+        "simulate observations --field field.toml --ids A1 --count 12 --seed 4 --random-errors \
+         --noise-mrad 0.2 --out seen.csv",
+    )
+    .good();
+    let seen = rows(&folder.read("seen.csv"));
+    let write = |name: &dyn Fn(usize) -> String, time_of: &dyn Fn(usize) -> Option<usize>| {
+        let mut log = String::from("heliostat_id,file,time,axis1_deg,axis2_deg\n");
+        let mut spots = String::from("file,time,u_m,v_m,sigma_m,status\n");
+        for (index, row) in seen.iter().enumerate() {
+            let cell = |name: &str| row[name].clone();
+            let named = name(index);
+            log += &format!(
+                "A1,{named},{},{},{}\n",
+                cell("time"),
+                cell("axis1_deg"),
+                cell("axis2_deg")
+            );
+            let time = time_of(index).map_or(String::new(), |k| seen[k]["time"].clone());
+            spots += &format!(
+                "{index}.png,{time},{},{},0.02,ok\n",
+                cell("u_m"),
+                cell("v_m")
+            );
+        }
+        folder.write("log.csv", log);
+        folder.write("spots.csv", spots);
+    };
+    let whole = "calibrate --field field.toml --observations log.csv --spots spots.csv --keep-all";
+    let own = |index: usize| format!("{index}.png");
+    for times in [&Some as &dyn Fn(usize) -> Option<usize>, &|_| None] {
+        write(&own, times);
+        run(whole).good();
+    }
+    let refused = |words: &[&str]| {
+        let run = run(whole);
+        assert_eq!(run.code(), 2, "{}", run.stdout());
+        for word in words {
+            assert!(run.stderr().contains(word), "{word}: {}", run.stderr());
+        }
+    };
+    // Frames of other times: as many records, each of the frame before.
+    write(&own, &|index| Some((index + 1) % 12));
+    refused(&["log.csv:2", "`0.png` was taken at", "wanted within 0.5 s"]);
+    // All records of one frame.
+    write(&|_| "0.png".to_owned(), &Some);
+    refused(&["log.csv:3", "`0.png` was taken at"]);
+    write(&|_| "0.png".to_owned(), &|_| None);
+    refused(&["log.csv:3", "another pose or time too (line 2)"]);
 }

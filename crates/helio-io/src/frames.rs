@@ -1,5 +1,6 @@
 //! Where frames come from: files, directories, patterns, lists.
 
+use std::collections::HashSet;
 use std::path::{Component, Path, PathBuf};
 
 use crate::error::{IoError, Place, Problem, quoted};
@@ -10,9 +11,20 @@ const SUFFIXES: &[&str] = &[
     "png", "tif", "tiff", "jpg", "jpeg", "pgm", "ppm", "pnm", "pbm",
 ];
 
+/// The files that somebody means.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct FrameFiles {
+    /// Each once, where it was named first.
+    pub paths: Vec<PathBuf>,
+    /// Files that were named again, by whatever name.
+    pub again: Vec<PathBuf>,
+}
+
 /// The files that somebody means by what was typed, in order: a file is itself, a directory its pictures by name, a
 /// pattern with `*` or `?` what it matches by name, `@LIST` the files that a text file lists, one a line, relative to
-/// that file (empty lines and lines that begin with `#` are left aside).
+/// that file (empty lines and lines that begin with `#` are left aside). A file counts once, however often and by
+/// whatever names it is named.
 ///
 /// # Errors
 /// [`IoError`] for a directory that cannot be read or has no picture, a pattern that nothing matches, and a list that
@@ -24,11 +36,13 @@ const SUFFIXES: &[&str] = &[
 ///     std::fs::write(folder.path().join(name), "")?;
 /// }
 /// let files = helio_io::frame_files(&[folder.path().to_path_buf()])?;
-/// assert_eq!(files, [folder.path().join("a.PNG"), folder.path().join("b.png")]);
-/// assert_eq!(helio_io::frame_files(&[folder.path().join("?.png")])?, [folder.path().join("b.png")]);
+/// let (a, b) = (folder.path().join("a.PNG"), folder.path().join("b.png"));
+/// assert_eq!(files.paths, [a, b.clone()]);
+/// let files = helio_io::frame_files(&[folder.path().join("?.png"), b.clone()])?;
+/// assert_eq!((files.paths, files.again), (vec![b.clone()], vec![b]));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-pub fn frame_files(typed: &[PathBuf]) -> Result<Vec<PathBuf>, IoError> {
+pub fn frame_files(typed: &[PathBuf]) -> Result<FrameFiles, IoError> {
     let mut files = Vec::new();
     for path in typed {
         let text = path.to_string_lossy();
@@ -42,7 +56,11 @@ pub fn frame_files(typed: &[PathBuf]) -> Result<Vec<PathBuf>, IoError> {
             files.push(path.clone());
         }
     }
-    Ok(files)
+    let mut known = HashSet::with_capacity(files.len());
+    let (paths, again) = files.into_iter().partition(|path: &PathBuf| {
+        known.insert(path.canonicalize().unwrap_or_else(|_| path.clone()))
+    });
+    Ok(FrameFiles { paths, again })
 }
 
 fn nothing(path: &Path, what: String) -> IoError {
@@ -199,17 +217,30 @@ mod tests {
         std::fs::write(at("list.txt"), "# mine\n\none/1.png\n missing.png \n").unwrap();
         let list = PathBuf::from(format!("@{}", at("list.txt").display()));
         assert_eq!(
-            frame_files(&[list]).unwrap(),
+            frame_files(&[list]).unwrap().paths,
             [at("one/1.png"), at("missing.png")]
         );
+        // A file that is named twice counts once, whatever the names are; one that does not exist too.
+        let typed = [
+            at("*/?.png"),
+            at("two"),
+            at("missing.png"),
+            at("one/../two/2.pgm"),
+            at("missing.png"),
+        ];
+        let files = frame_files(&typed).unwrap();
         assert_eq!(
-            frame_files(&[at("*/?.png"), at("two")]).unwrap(),
+            files.paths,
             [
                 at("one/1.png"),
                 at("two/1.png"),
-                at("two/1.png"),
-                at("two/2.pgm")
+                at("two/2.pgm"),
+                at("missing.png")
             ]
+        );
+        assert_eq!(
+            files.again,
+            [at("two/1.png"), at("one/../two/2.pgm"), at("missing.png")]
         );
         let said = |path: PathBuf| frame_files(&[path]).unwrap_err().to_string();
         std::fs::create_dir(at("empty")).unwrap();

@@ -916,6 +916,17 @@ pub(crate) static CORNERS_SIGMA: Key = optional(
     Kind::Number(0.0, 100.0),
     "How well corners_px is known: one standard deviation along x as along y, in pixels. Default: 0.5.",
 );
+const FRAME_SIDE: Kind = Kind::Number(1.0, 1e6);
+pub(crate) static FRAME_WIDTH: Key = optional(
+    "frame_width_px",
+    FRAME_SIDE,
+    "Width of the frames for which corners_px and [camera] hold, in pixels; frames of another size are no_target. Default: any.",
+);
+pub(crate) static FRAME_HEIGHT: Key = optional(
+    "frame_height_px",
+    FRAME_SIDE,
+    "Height of these frames. Default: any.",
+);
 pub(crate) static MARKS: Key = optional(
     "marks",
     Kind::Word(&["four-corners", "two-panel-upper", "two-panel-lower"]),
@@ -955,6 +966,8 @@ pub(crate) static TARGET_FILE: &[&Key] = &[
     &BOARD_HEIGHT,
     &CORNERS,
     &CORNERS_SIGMA,
+    &FRAME_WIDTH,
+    &FRAME_HEIGHT,
     &MARKS,
     &MARKS_SIGMA,
     &CAMERA,

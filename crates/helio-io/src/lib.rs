@@ -26,6 +26,7 @@ mod frames;
 mod hash;
 mod keys;
 mod leftovers;
+mod log;
 mod observations;
 pub mod output;
 mod pictures;
@@ -50,9 +51,10 @@ pub use field::{
     load_field,
 };
 pub use finished::Finished;
-pub use frames::frame_files;
+pub use frames::{FrameFiles, frame_files};
 pub use hash::{Sha256, hash_file};
 pub use leftovers::{load_leftovers, write_leftovers};
+pub use log::{ObservationLog, load_observation_log};
 pub use observations::{
     HeliostatObservations, LeftAside, LeftAsideReason, Observations, load_observations,
     load_observations_with_spots,

@@ -100,6 +100,7 @@ impl LeftAsideReason {
             Self::Spot(Some(SpotStatus::Empty)) => "spot_empty",
             Self::Spot(Some(SpotStatus::Cut)) => "spot_cut",
             Self::Spot(Some(SpotStatus::Ambiguous)) => "spot_ambiguous",
+            Self::Spot(Some(SpotStatus::Unclear)) => "spot_unclear",
             Self::Spot(Some(SpotStatus::NoTarget)) => "spot_no_target",
             Self::Spot(Some(SpotStatus::Ok | SpotStatus::Saturated)) => "spot",
             Self::InFuture => "in_future",
@@ -265,13 +266,15 @@ pub fn load_observations(path: &Path, loaded: &LoadedField) -> Result<Observatio
 /// Reads a table of observations whose spots are given apart, as `spot` writes them.
 ///
 /// The table then has no spots of its own but a column `file`, which names the frame of each record as the spots do (with
-/// or without its folders), or else a `time` within half a second of the frame's. The standard deviation comes from the
+/// or without its folders), or else a `time` within half a second of the frame's. Where frames are named and both tables
+/// have times, these must agree as well. The standard deviation comes from the
 /// frame too. Frames with the status `ok` or `saturated` count; `cut`, `ambiguous`, `empty`, `no_target` and `unreadable` are
 /// left aside, as are records whose frame is not there.
 ///
 /// # Errors
 /// As [`load_observations`]; and for a table with spots of its own, one without `file` and `time`, a file name that
-/// several frames have, a frame that records of two heliostats name, and spots none of which belongs to a record.
+/// several frames have, a frame whose time is not that of the record which names it, a frame that records of two
+/// heliostats or of two poses name, and spots none of which belongs to a record.
 pub fn load_observations_with_spots(
     path: &Path,
     spots: Option<&SpotTable>,
@@ -617,7 +620,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Refuses spots given apart that cannot be meant: none that belongs to a record, and one that belongs to two
-    /// heliostats.
+    /// heliostats or, by its name, to two poses.
     fn check_frames(&self, records: &[Record]) -> Result<(), IoError> {
         let Some(frames) = &self.frames else {
             return Ok(());
@@ -636,6 +639,24 @@ impl<'a> Reader<'a> {
                 );
                 let id = &self.loaded.field.ids()[record.heliostat];
                 return Err(self.table.row_error(row, id, Problem::Conflict { message }));
+            }
+            let pose = |row: usize| {
+                let record = &records[row];
+                (
+                    record.unix_ns,
+                    record.axis1_rad.to_bits(),
+                    record.axis2_rad.to_bits(),
+                )
+            };
+            if frames.by_name.is_some() && pose(before) != pose(row) {
+                let message = format!(
+                    "its frame {} is that of another pose or time too ({}); a frame shows one",
+                    quoted(&frames.spots.rows[frame].file),
+                    table.position(before)
+                );
+                let id = &self.loaded.field.ids()[record.heliostat];
+                let problem = Problem::Conflict { message };
+                return Err(self.table.error(row, &keys::FRAME, Some(id), problem));
             }
         }
         if first.is_empty() {
@@ -945,7 +966,31 @@ impl<'a> Frames<'a> {
             .or_else(|| by_name.get(last_part(&name)));
         match found.map(Vec::as_slice) {
             None => Ok(None),
-            Some([one]) => Ok(Some(*one)),
+            Some([one]) => {
+                let taken = self.spots.rows[*one].unix_ns;
+                if let (Some(taken), Some(unix_ns)) = (taken, unix_ns)
+                    && taken.abs_diff(unix_ns) > NEAR_NS.unsigned_abs()
+                {
+                    let message = format!(
+                        "its frame {} was taken at {} ({}, {}), {} s from the record's {}; wanted within {} s, or one \
+                         of the two tables without times",
+                        quoted(&name),
+                        format_time(taken),
+                        self.spots.path.display(),
+                        self.spots.position(*one),
+                        short(1e-9 * taken.abs_diff(unix_ns) as f64),
+                        format_time(unix_ns),
+                        1e-9 * NEAR_NS as f64
+                    );
+                    return Err(table.error(
+                        row,
+                        &keys::FRAME,
+                        Some(id),
+                        Problem::Conflict { message },
+                    ));
+                }
+                Ok(Some(*one))
+            }
             Some(several) => {
                 let message = format!(
                     "{} frames of {} have this name, first {}",

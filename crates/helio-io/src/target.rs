@@ -31,6 +31,25 @@ pub struct CameraTarget {
     pub marks_sigma_m: f64,
     /// The camera's lens, where its distortion is known.
     pub lens: Option<Lens>,
+    /// Width and height of the frames for which all this holds \[px\], where they are stated.
+    pub frame_px: [Option<usize>; 2],
+}
+
+impl CameraTarget {
+    /// Why a frame of this size \[px\] is none of this camera's; nothing where it may be one.
+    #[must_use]
+    pub fn refuses_size(&self, width_px: usize, height_px: usize) -> Option<String> {
+        let sides = [width_px, height_px].into_iter().zip(self.frame_px);
+        let mut stated = sides.filter_map(|(found, stated)| Some((found, stated?)));
+        if stated.all(|(found, stated)| found == stated) {
+            return None;
+        }
+        let word = |side: Option<usize>| side.map_or("any".to_owned(), |n| n.to_string());
+        let [width, height] = self.frame_px.map(word);
+        Some(format!(
+            "a frame of {width_px} x {height_px} pixels: the target is described for {width} x {height}"
+        ))
+    }
 }
 
 /// Reads a `target.toml`.
@@ -100,12 +119,28 @@ pub fn load_target(path: &Path) -> Result<CameraTarget, IoError> {
         }
         None => None,
     };
+    let side = |key: &'static keys::Key| {
+        let Some(number) = file.number(key)? else {
+            return Ok(None);
+        };
+        if number.fract() != 0.0 {
+            let problem = Problem::WrongKind {
+                what: file.dotted(key),
+                wanted: "a whole number of pixels".into(),
+                found: number.to_string(),
+            };
+            return Err(file.error(key, problem));
+        }
+        Ok(Some(number as usize))
+    };
+    let frame_px = [side(&keys::FRAME_WIDTH)?, side(&keys::FRAME_HEIGHT)?];
     Ok(CameraTarget {
         name: file.text(&keys::BOARD_NAME)?.map(str::to_string),
         board,
         plane,
         marks_sigma_m: marks_sigma_m.unwrap_or(MARKS_SIGMA_M),
         lens,
+        frame_px,
     })
 }
 
@@ -129,13 +164,21 @@ fn lens(camera: &Section<'_>) -> Result<Lens, IoError> {
     })
 }
 
-/// The text of a `target.toml` whose camera sees the corners of a board at given places.
+/// The text of a `target.toml` whose camera, with frames of `frame_px` (width and height), sees the corners of a board
+/// at given places.
 ///
 /// Reading it back gives the same doubles.
 #[must_use]
-pub fn target_toml(board: &Board, corners_px: &[[f64; 2]; 4], lens: Option<&Lens>) -> String {
+pub fn target_toml(
+    board: &Board,
+    corners_px: &[[f64; 2]; 4],
+    frame_px: [usize; 2],
+    lens: Option<&Lens>,
+) -> String {
+    let [width_px, height_px] = frame_px;
     let mut text = format!(
-        "width_m = {:?}\nheight_m = {:?}\nmarks = \"{}\"\n# upper left, upper right, lower right, lower left\n\
+        "width_m = {:?}\nheight_m = {:?}\nmarks = \"{}\"\nframe_width_px = {width_px}\n\
+         frame_height_px = {height_px}\n# upper left, upper right, lower right, lower left\n\
          corners_px = {:?}\ncorners_sigma_px = 0.1\n",
         board.width_m,
         board.height_m,
@@ -200,8 +243,19 @@ mod tests {
             ..LensValues::default()
         })
         .unwrap();
-        std::fs::write(&path, target_toml(&board, &corners, Some(&lens))).unwrap();
+        std::fs::write(
+            &path,
+            target_toml(&board, &corners, [1512, 2688], Some(&lens)),
+        )
+        .unwrap();
         let read = load_target(&path).unwrap();
+        assert_eq!(read.frame_px, [Some(1512), Some(2688)]);
+        assert_eq!(read.refuses_size(1512, 2688), None);
+        let said = read.refuses_size(2688, 1512).unwrap();
+        assert!(
+            said.contains("2688 x 1512") && said.contains("for 1512 x 2688"),
+            "{said}"
+        );
         assert_eq!(read.board, board);
         assert_eq!(read.lens, Some(lens));
         assert_eq!(read.plane.unwrap().corners().at_px, corners);
@@ -241,6 +295,8 @@ mod tests {
         );
         let word = refused(&format!("{GOOD}marks = \"two-panels-upper\"\n"));
         assert!(word.contains("did you mean `two-panel-upper`?"), "{word}");
+        let half = refused(&format!("{GOOD}frame_width_px = 10.5\n"));
+        assert!(half.contains("a whole number of pixels"), "{half}");
         let alone = refused(&format!("{GOOD}corners_sigma_px = 1\n"));
         assert!(alone.contains("corners_px is missing"), "{alone}");
         let both = refused(&format!(

@@ -14,6 +14,7 @@ pub mod window;
 pub use error::SpotError;
 pub use image::{
     DecodeError, Frame, Gray, Limits, Picture, RawFormat, RawVideo, VideoError, View, decode,
+    is_decoding,
 };
 pub use robust::{Candidate, Refusal, RobustOptions, Spot, SpotScratch, find_spot};
 pub use simulate::SimulatedFrame;

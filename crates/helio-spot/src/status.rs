@@ -14,18 +14,22 @@ pub enum SpotStatus {
     Saturated,
     /// More than one spot could be meant.
     Ambiguous,
+    /// There is light that may be a spot's, but where its middle is cannot be told: the target is white all over, or so full of
+    /// light that nothing without it is left.
+    Unclear,
     /// The target was not found in the frame.
     NoTarget,
 }
 
 impl SpotStatus {
     /// Every status.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::Ok,
         Self::Empty,
         Self::Cut,
         Self::Saturated,
         Self::Ambiguous,
+        Self::Unclear,
         Self::NoTarget,
     ];
 
@@ -38,14 +42,15 @@ impl SpotStatus {
             Self::Cut => "cut",
             Self::Saturated => "saturated",
             Self::Ambiguous => "ambiguous",
+            Self::Unclear => "unclear",
             Self::NoTarget => "no_target",
         }
     }
 
-    /// Whether a position comes with it: all but empty and no target.
+    /// Whether a position comes with it: all but empty, unclear and no target.
     #[must_use]
     pub const fn has_position(self) -> bool {
-        !matches!(self, Self::Empty | Self::NoTarget)
+        !matches!(self, Self::Empty | Self::Unclear | Self::NoTarget)
     }
 }
 
@@ -54,11 +59,13 @@ impl SpotStatus {
 pub struct Flags(u16);
 
 impl Flags {
-    /// The spot reaches over the target's edge.
+    /// The spot reaches over the target's edge. On an empty target: light grows towards the edge, stray light or a spot whose
+    /// middle is beyond it.
     pub const CUT: Self = Self(1);
-    /// Some of the spot is as bright as the camera can tell.
+    /// Some of the spot is as bright as the camera can tell, or most of a target that shows none.
     pub const SATURATED: Self = Self(1 << 1);
-    /// Another spot on the target could be meant.
+    /// Another spot on the target could be meant, or two have melted into one: it has a second top, or the shape of two
+    /// round beams.
     pub const SEVERAL: Self = Self(1 << 2);
     /// Little brighter than the target around it.
     pub const FAINT: Self = Self(1 << 3);

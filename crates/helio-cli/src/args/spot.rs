@@ -88,7 +88,8 @@ pub(crate) struct Raw {
 /// Writes 000001.png, …, truth.csv (file, u_m, v_m, x_px, y_px, share_on_target, on_target_u_m, on_target_v_m) and
 /// target.toml into a folder. u_m, v_m is the centre of mass of the whole beam, on_target_… that of the light
 /// that falls on the target. Places are drawn at random over the middle of the target; the same options give
-/// the same frames.
+/// the same frames. With --observations each record's frame shows its spot, and log.csv has the records with the frames'
+/// names in place of the spots.
 #[derive(Debug, ClapArgs)]
 #[command(
     after_help = "Example:\n  helio-rs simulate images --frames 2 --seed 7 --shape facets \
@@ -101,6 +102,9 @@ pub(crate) struct SimulateImagesArgs {
     /// Number of frames
     #[arg(long, value_name = "N", default_value = "10", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub(crate) frames: u32,
+    /// Table of observations (CSV, as simulate observations writes it) whose spots are to be seen, a frame each
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["frames", "empty_every"])]
+    pub(crate) observations: Option<PathBuf>,
     /// Of all random numbers
     #[arg(long, value_name = "N", default_value = "1")]
     pub(crate) seed: u64,

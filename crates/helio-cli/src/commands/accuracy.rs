@@ -10,8 +10,8 @@ use helio_io::{
 use helio_report::accuracy::{AccuracyPage, accuracy_page};
 use helio_spot::SpotStatus;
 use helio_spot::accuracy::{
-    BinOutcome, Evaluation, Figure, Figures, FrameStatus, Limits, Options, Setup, SpotRow, WindBin,
-    evaluate, simulate,
+    AccuracyError, BinOutcome, Evaluation, Figure, Figures, FrameStatus, Limits, Options, Setup,
+    SpotRow, WindBin, evaluate, simulate,
 };
 use serde_json::{Map, Value, json};
 
@@ -68,9 +68,30 @@ pub(crate) fn run(args: &AccuracyArgs, printer: &Printer) -> Result<Outcome, Fai
     };
     let options = options(args);
     let spots: Vec<SpotRow> = table.rows.iter().map(of_file).collect();
-    let said = &campaign.statements;
-    let found = evaluate(&spots, weather.as_ref(), &setup, &limits, &options, said)
-        .map_err(|error| Failure::refused(format!("{}: {error}", args.spots.display())))?;
+    let mut said = campaign.statements.clone();
+    said.spot_method_of_table = method_of(&table).map(str::to_owned);
+    if let (Some(stated), Some(shown)) = (&said.spot_method, &said.spot_method_of_table)
+        && stated != shown
+    {
+        printer.warn(format_args!(
+            "{} is of the method {shown}, though {} states {stated}",
+            args.spots.display(),
+            args.campaign.as_deref().unwrap_or(Path::new("")).display()
+        ));
+    }
+    let found =
+        evaluate(&spots, weather.as_ref(), &setup, &limits, &options, &said).map_err(|error| {
+            let file = match error {
+                AccuracyError::NoSpots => Some(&args.spots),
+                AccuracyError::Uncertainty { .. } => args.campaign.as_ref(),
+                AccuracyError::Length { .. } | AccuracyError::WeatherOrder { .. } => {
+                    args.weather.as_ref()
+                }
+                _ => None,
+            };
+            let place = file.map_or_else(String::new, |file| format!("{}: ", file.display()));
+            Failure::refused(format!("{place}{error}"))
+        })?;
     let about = About {
         args,
         found: &found,
@@ -166,6 +187,19 @@ fn options(args: &AccuracyArgs) -> Options {
         confidence: args.confidence,
         weather_gap_s: args.weather_gap_s,
         accepted,
+    }
+}
+
+/// The method that wrote a table, where its columns show it: the standard's window, or a threshold without one.
+fn method_of(table: &SpotTable) -> Option<&'static str> {
+    let found = || table.rows.iter().filter(|row| row.at_m.is_some());
+    let all = |of: fn(&FileRow) -> bool| found().next().is_some() && found().all(of);
+    if all(|row| row.window_px.is_some()) {
+        Some("standard")
+    } else if all(|row| row.window_px.is_none() && row.threshold.is_some()) {
+        Some("robust")
+    } else {
+        None
     }
 }
 

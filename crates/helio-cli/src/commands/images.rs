@@ -6,7 +6,9 @@ use std::sync::atomic::Ordering;
 
 use helio_core::angle::radians;
 use helio_io::output::{Cells, Destination, Format, write_columns};
-use helio_io::{IoError, target_toml, write_file, write_frame};
+use helio_io::{
+    IoError, ObservationLog, load_observation_log, target_toml, write_file, write_frame,
+};
 use helio_spot::simulate::{
     Beam, BeamShape, Camera, Daylight, Depth, Pose, Scene, Sensor, Shadow, Truth,
 };
@@ -23,17 +25,27 @@ use crate::printer::{Counted, Printer};
 pub(crate) fn run(args: &SimulateImagesArgs, printer: &Printer) -> Result<Outcome, Failure> {
     plan::threads(args.threads)?;
     let (scene, lens) = scene(args)?;
+    let log = args
+        .observations
+        .as_deref()
+        .map(load_observation_log)
+        .transpose()?;
+    let frames = log
+        .as_ref()
+        .map_or(args.frames, |log| log.spots_m.len() as u32);
     let folder = args.out.as_path();
+    check_folder(folder)?;
     std::fs::create_dir_all(folder).map_err(|error| IoError::write(folder, error))?;
     let stop = stop_on_signals();
-    let progress = Mutex::new(printer.progress_of(u64::from(args.frames), "frames"));
-    let truths = (1..=args.frames)
+    let progress = Mutex::new(printer.progress_of(u64::from(frames), "frames"));
+    let truths = (1..=frames)
         .into_par_iter()
         .map(|number| {
             if stop.load(Ordering::Relaxed) {
                 return Err(Failure::Interrupted { streamed: false });
             }
-            let truth = frame(args, &scene, number, folder)?;
+            let spot_m = log.as_ref().map(|log| log.spots_m[number as usize - 1]);
+            let truth = frame(args, &scene, number, spot_m, folder)?;
             if let Ok(mut progress) = progress.lock() {
                 progress.advance(1);
             }
@@ -43,7 +55,15 @@ pub(crate) fn run(args: &SimulateImagesArgs, printer: &Printer) -> Result<Outcom
         .into_iter()
         .collect::<Result<Vec<Truth>, Failure>>()?;
     write_truth(folder, &truths)?;
-    let mut text = target_toml(&scene.board, &truths[0].corners_px, lens.as_ref());
+    if let Some(log) = &log {
+        write_log(folder, log)?;
+    }
+    let mut text = target_toml(
+        &scene.board,
+        &truths[0].corners_px,
+        args.size.into(),
+        lens.as_ref(),
+    );
     if args.find_marks {
         text = text
             .lines()
@@ -56,11 +76,27 @@ pub(crate) fn run(args: &SimulateImagesArgs, printer: &Printer) -> Result<Outcom
     }
     write_file(&folder.join("target.toml"), text.as_bytes())?;
     printer.say(format_args!(
-        "{} with truth.csv and target.toml in {}",
+        "{} with {}truth.csv and target.toml in {}",
         Counted(truths.len(), "frame"),
+        if log.is_some() { "log.csv, " } else { "" },
         folder.display()
     ));
     Ok(Outcome::Good)
+}
+
+/// Refuses a folder that this program did not fill: somebody's own target.toml and frames have the same names.
+fn check_folder(folder: &Path) -> Result<(), Failure> {
+    if folder.join("truth.csv").exists() {
+        return Ok(());
+    }
+    let ours = ["target.toml".to_owned(), "log.csv".to_owned(), name(1)];
+    match ours.iter().find(|name| folder.join(name).exists()) {
+        None => Ok(()),
+        Some(name) => Err(Failure::refused(format!(
+            "--out: {} holds {name} without the truth.csv of an earlier run, and would lose it; wanted another folder",
+            folder.display()
+        ))),
+    }
 }
 
 fn name(number: usize) -> String {
@@ -154,6 +190,7 @@ fn frame(
     args: &SimulateImagesArgs,
     scene: &Scene,
     number: u32,
+    spot_m: Option<[f64; 2]>,
     folder: &Path,
 ) -> Result<Truth, Failure> {
     let mut scene = scene.clone();
@@ -166,7 +203,10 @@ fn frame(
         v_m: random.between(-high, high),
         peak,
     };
-    let first = beam(args.peak);
+    let mut first = beam(args.peak);
+    if let Some([u_m, v_m]) = spot_m {
+        (first.u_m, first.v_m) = (u_m, v_m);
+    }
     let second = beam(args.peak * args.second);
     let empty = args
         .empty_every
@@ -200,6 +240,17 @@ fn shape(word: ShapeWord, beam_m: f64) -> BeamShape {
             spread_m: 0.7 * beam_m,
         },
     }
+}
+
+fn write_log(folder: &Path, log: &ObservationLog) -> Result<(), Failure> {
+    let files: Vec<String> = (1..=log.spots_m.len()).map(name).collect();
+    let of_file = ("file", Cells::Text(&files));
+    let others = log.columns.iter();
+    let others = others.map(|(name, cells)| (name.as_str(), Cells::Text(cells)));
+    let columns: Vec<_> = others.chain([of_file]).collect();
+    let destination = Destination::File(folder.join("log.csv"));
+    write_columns(destination, Format::Csv, &columns)?;
+    Ok(())
 }
 
 fn write_truth(folder: &Path, truths: &[Truth]) -> Result<(), Failure> {

@@ -28,7 +28,7 @@ const MOST_BYTES: u64 = 1 << 30;
 pub(crate) fn run(args: &SpotArgs, printer: &Printer) -> Result<Outcome, Failure> {
     plan::threads(args.out.threads)?;
     let format = plan::format(args.out.out.as_deref(), args.out.format)?;
-    let source = Source::of(args)?;
+    let source = Source::of(args, printer)?;
     let target = load_target(&args.target)?;
     let finder = Finder::new(args, &target)?;
     let clock = Clock::of(args)?;
@@ -134,7 +134,7 @@ enum Source {
 }
 
 impl Source {
-    fn of(args: &SpotArgs) -> Result<Self, Failure> {
+    fn of(args: &SpotArgs, printer: &Printer) -> Result<Self, Failure> {
         let stdin = args.files.iter().any(|path| plan::is_stdout(path));
         match args.raw {
             Some(raw) if stdin && args.files.len() == 1 => Ok(Self::Video(raw)),
@@ -144,7 +144,17 @@ impl Source {
             None if stdin => Err(Failure::refused(
                 "-: raw video on standard input wants --raw WIDTHxHEIGHT[:gray8|gray16le]",
             )),
-            None => Ok(Self::Files(frame_files(&args.files)?)),
+            None => {
+                let files = frame_files(&args.files)?;
+                if let Some(first) = files.again.first() {
+                    printer.warn(format_args!(
+                        "{} named more than once and taken once, first {}",
+                        Counted(files.again.len(), "file"),
+                        first.display()
+                    ));
+                }
+                Ok(Self::Files(files.paths))
+            }
         }
     }
 
@@ -259,6 +269,12 @@ impl Overlay {
             numbered: different.len() < stems.len(),
             stems,
         };
+        if folder.exists() && !folder.is_dir() {
+            return Err(Failure::refused(format!(
+                "--overlay: {} is a file; wanted a folder for the pictures",
+                folder.display()
+            )));
+        }
         std::fs::create_dir_all(folder).map_err(|error| IoError::write(folder, error))?;
         // A frame must not be replaced by what is drawn over it.
         let inputs: HashSet<PathBuf> = inputs
@@ -364,7 +380,9 @@ impl<'a> Finder<'a> {
         unix_ns: Option<i64>,
         room: &mut Room,
     ) -> Result<(SpotRow, Drawing), SpotError> {
-        let (plane, flags) = match self.plane(view, room) {
+        let size = self.target.refuses_size(view.width(), view.height());
+        let found = size.map_or_else(|| self.plane(view, room), Err);
+        let (plane, flags) = match found {
             Ok(found) => found,
             Err(reason) => {
                 let row = SpotRow {
@@ -389,6 +407,9 @@ impl<'a> Finder<'a> {
         };
         let (mut row, found) = row;
         row.flags = words(found.with(flags));
+        if row.status == Some(SpotStatus::NoTarget) {
+            row.reason = no_target(&plane, view.width(), view.height());
+        }
         Ok((row, drawing))
     }
 
@@ -399,12 +420,32 @@ impl<'a> Finder<'a> {
         }
         let board = self.target.board;
         let of = |corners: Corners| Plane::new(board, corners, self.target.lens);
-        let found = find_corners(view, &board, &FindOptions::default(), &mut room.marks)
+        let options = FindOptions {
+            lens: self.target.lens,
+            ..FindOptions::default()
+        };
+        let found = find_corners(view, &board, &options, &mut room.marks)
             .map(|corners| corners.with_survey(&board, self.target.marks_sigma_m))
             .and_then(|corners| Ok((of(corners)?, corners)));
         let (plane, corners) = found.map_err(|error| error.to_string())?;
         let hidden = !corners.seen.iter().all(|&seen| seen);
         Ok((plane, Flags::none().with_if(hidden, Flags::CORNER_HIDDEN)))
+    }
+}
+
+/// Why nothing can be made of corners that were given or found.
+fn no_target(plane: &Plane, width: usize, height: usize) -> String {
+    let whose = if plane.corners().marks.is_some() {
+        "found"
+    } else {
+        "given"
+    };
+    let picture = format!("the picture has {width} x {height} pixels");
+    match about(plane, width, height) {
+        None => format!("the corners {whose} lie outside the picture: {picture}"),
+        Some([_, _, wide, high]) => format!(
+            "too few pixels of the target are seen: {wide} x {high} within the corners {whose}, {picture}"
+        ),
     }
 }
 
@@ -444,9 +485,7 @@ fn of_standard<P: Gray>(
         Some((part, [left as f64, top as f64], [wide as f64, high as f64]))
     });
     let Some((part, [left, top], [wide, high])) = part else {
-        let mut row = none(SpotStatus::NoTarget);
-        row.reason = "the corners given lie outside the picture".into();
-        return Ok((row, Flags::none()));
+        return Ok((none(SpotStatus::NoTarget), Flags::none()));
     };
     let spot = standard(part, options, scratch)?;
     drawing.threshold = Some((

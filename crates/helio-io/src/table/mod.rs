@@ -132,6 +132,15 @@ impl Table {
         }
     }
 
+    /// Cells of a column of a text file as they stand there; nothing of Parquet.
+    pub(crate) fn texts(&self, column: usize) -> Option<Vec<String>> {
+        let Cells::Text(records) = &self.cells else {
+            return None;
+        };
+        let cell = |row| records.cell(row, column).to_owned();
+        Some((0..self.rows).map(cell).collect())
+    }
+
     fn cell_error(&self, row: usize, cell: Cell<'_>, problem: Problem) -> IoError {
         let mut place = self.place(row, cell.heliostat);
         place.field = Some(self.names[cell.column].clone());

@@ -45,6 +45,8 @@ pub struct Statements {
     pub synchronous: Option<bool>,
     /// How spots were found: `standard` (A.1 to A.4 as printed) or another word.
     pub spot_method: Option<String>,
+    /// How they were found as their table shows, which is believed before what was stated.
+    pub spot_method_of_table: Option<String>,
 }
 
 /// Whether a clause was followed.
@@ -120,6 +122,19 @@ impl Parts {
         self.part(met, words)
     }
 
+    /// Frames per second: as stated, else by the times of the frames. A camera that could take more than it took is no
+    /// deviation of the camera.
+    fn frame_rate(self, found: &Evaluation, said: &Statements, least: f64) -> Self {
+        let by_times = found.step_s.map(|step_s| 1.0 / step_s);
+        match (said.camera_frames_per_s, by_times) {
+            (None, Some(rate)) => self.part(
+                (rate >= 0.99 * least).then_some(true),
+                format!("frames per second: not stated, {rate:.3} by their times, wanted at least {least}"),
+            ),
+            (stated, _) => self.number("frames per second", "", stated, false, least),
+        }
+    }
+
     /// A statement that must be true.
     fn stated(self, value: Option<bool>, yes: &str, no: &str, unknown: &str) -> Self {
         let words = match value {
@@ -168,13 +183,7 @@ pub(super) fn clauses(
                 false,
                 limits.camera_bits,
             )
-            .number(
-                "frames per second",
-                "",
-                said.camera_frames_per_s,
-                false,
-                limits.camera_frames_per_s,
-            )
+            .frame_rate(found, said, limits.camera_frames_per_s)
             .part(
                 said.camera_px
                     .map(|px| px[0] >= limits.camera_px[0] && px[1] >= limits.camera_px[1]),
@@ -390,15 +399,22 @@ fn acquisition(
 }
 
 fn method(parts: Parts, said: &Statements) -> Parts {
-    let method = said.spot_method.as_deref();
-    parts.part(
-        method.map(|word| word == "standard"),
-        match method {
-            Some("standard") => "threshold, square window and arg max as printed".to_owned(),
-            Some(word) => format!("by the method “{word}” in place of the printed one"),
-            None => "how spots were found: not stated".to_owned(),
-        },
-    )
+    let stated = said.spot_method.as_deref();
+    let shown = said.spot_method_of_table.as_deref();
+    let method = shown.or(stated);
+    let mut words = match method {
+        Some("standard") => "threshold, square window and arg max as printed".to_owned(),
+        Some(word) => format!("by the method “{word}” in place of the printed one"),
+        None => "how spots were found: not stated".to_owned(),
+    };
+    match (stated, shown) {
+        (Some(stated), Some(shown)) if stated != shown => {
+            words += &format!(", as the table of spots shows; stated was “{stated}”");
+        }
+        (None, Some(_)) => words += ", as the table of spots shows",
+        _ => {}
+    }
+    parts.part(method.map(|word| word == "standard"), words)
 }
 
 fn thresholds(found: &Evaluation, limits: &Limits) -> Clause {

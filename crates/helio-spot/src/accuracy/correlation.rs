@@ -20,7 +20,7 @@ pub(super) struct DesignEffect {
 ///
 /// `ticks` are the times of the values as whole numbers of frame steps, ascending; gaps are simply times
 /// without a value. The variance of the mean is (1/n²) Σ C(tᵢ − tⱼ) over all pairs of values, whose
-/// autocovariances C are summed up to a window that the data choose; for the sample mean taken out it is
+/// autocovariances C, of pairs at the same time too, are summed up to a window that the data choose; for the sample mean taken out it is
 /// corrected as by Wolff (2004, Comput. Phys. Commun. 156:143, eq. 49). Long windows are summed over cells of 2,
 /// 4, 8 … steps, which only groups the same pairs: the cost is some 128 products a value.
 pub(super) fn design_effect(ticks: &[i64], values: &[f64]) -> DesignEffect {
@@ -46,12 +46,15 @@ pub(super) fn design_effect(ticks: &[i64], values: &[f64]) -> DesignEffect {
     let values = values.iter().map(|value| value - mean);
     let mut cells = cells(ticks.iter().map(|&tick| cell(tick)).zip(values));
     let mut width = 1.0;
+    // Values of one time are one value, whatever chance makes of the lags beyond.
+    let alone: f64 = cells.iter().map(|(_, sum)| sum * sum).sum();
+    let least = (alone / squares).max(1.0);
     while cells.len() > 1 && 2.0 * width < n {
         let sums = products(&cells);
         let mut effect = sums[0];
         for (lag, product) in sums.iter().enumerate().skip(1) {
             effect += 2.0 * product;
-            let relative = (effect / squares).max(1.0);
+            let relative = (effect / squares).max(least);
             if lag as f64 * width >= WINDOW * relative {
                 let covered = (2.0 * lag as f64 + 1.0) * width / n;
                 // A window as long as the record has the mean's own error for a result.
@@ -146,6 +149,18 @@ mod tests {
         let got = design_effect(&ticks, &thinned).factor;
         let truth = (1.0 + phi) / (1.0 - phi);
         assert!((got / truth - 1.0).abs() < 0.1, "{got} {truth}");
+    }
+
+    /// Values that stand twice tell no more than once, whatever the chance correlation of the lags is.
+    #[test]
+    fn values_of_one_time_are_one() {
+        let ticks: Vec<i64> = (0..400).flat_map(|tick| [tick; 2]).collect();
+        for seed in 0..50 {
+            let mut dice = Dice::new(seed);
+            let values: Vec<f64> = (0..400).flat_map(|_| [dice.normal(); 2]).collect();
+            let found = design_effect(&ticks, &values).factor;
+            assert!(found >= 2.0, "{seed}: {found}");
+        }
     }
 
     #[test]

@@ -60,6 +60,16 @@ pub enum AccuracyError {
         /// What was given.
         value: f64,
     },
+    /// An uncertainty of the instruments that makes no sense.
+    #[error("{what} must be {wanted}, got {value}")]
+    Uncertainty {
+        /// Which.
+        what: &'static str,
+        /// What it must be.
+        wanted: &'static str,
+        /// What was given.
+        value: f64,
+    },
     /// A column of the weather record is shorter or longer than its times.
     #[error("{what} of the weather record has {found} rows, its times have {wanted}")]
     Length {
@@ -191,6 +201,13 @@ impl Setup {
             }
         }
         let unsure = self.uncertainty;
+        let bad = |what, wanted, value| {
+            Err(AccuracyError::Uncertainty {
+                what,
+                wanted,
+                value,
+            })
+        };
         for (what, value) in [
             ("the uncertainty of the distance", unsure.slant_m),
             ("the uncertainty of the pixel scale", unsure.scale),
@@ -305,6 +322,8 @@ pub enum FrameStatus {
     Ok,
     /// It has no time.
     NoTime,
+    /// An earlier row has its time: a frame counts once.
+    Repeated,
     /// The weather record has no irradiance at its time.
     NoDni,
     /// The irradiance was too low.
@@ -330,6 +349,7 @@ impl FrameStatus {
         match self {
             Self::Ok => "ok",
             Self::NoTime => "no_time",
+            Self::Repeated => "repeated",
             Self::NoDni => "no_dni",
             Self::LowDni => "low_dni",
             Self::NoAirTemperature => "no_air_temperature",
@@ -347,6 +367,7 @@ impl FrameStatus {
         match self {
             Self::Ok => "counted",
             Self::NoTime => "no time",
+            Self::Repeated => "an earlier row has its time",
             Self::NoDni => "no irradiance recorded at its time",
             Self::LowDni => "irradiance too low",
             Self::NoAirTemperature => "no air temperature recorded at its time",
@@ -357,6 +378,7 @@ impl FrameStatus {
             Self::Spot(SpotStatus::Cut) => "spot cut by the target's edge",
             Self::Spot(SpotStatus::Saturated) => "spot saturated",
             Self::Spot(SpotStatus::Ambiguous) => "more than one spot could be meant",
+            Self::Spot(SpotStatus::Unclear) => "light on the target, its middle not to be told",
             Self::Spot(SpotStatus::NoTarget) => "target not found in the frame",
             Self::Unreadable => "frame could not be read",
             Self::NoPosition => "no position in the table",
@@ -396,6 +418,13 @@ pub enum Warning {
     NotRecorded {
         /// The quantity.
         what: &'static str,
+    },
+    /// Rows that have the time of an earlier one: each time counts once, as its first row has it.
+    Repeated {
+        /// How many.
+        rows: usize,
+        /// Those that say otherwise than the row that counts.
+        different: usize,
     },
     /// Frames come more slowly than the guideline wants.
     SlowSampling {
@@ -449,6 +478,17 @@ impl fmt::Display for Warning {
                 f,
                 "the weather record has no {what}: its condition was not checked"
             ),
+            Self::Repeated { rows, different } => {
+                write!(f, "rows with the time of an earlier row, left out: {rows}")?;
+                match different {
+                    0 => f.write_str("; they say the same"),
+                    _ => write!(
+                        f,
+                        ", of which {different} say otherwise than it; are they of one camera, and are the times \
+                         fine enough to tell its frames apart?"
+                    ),
+                }
+            }
             Self::SlowSampling { found, wanted } => write!(
                 f,
                 "frames come at {found:.3} per second, wanted at least {wanted}: short swings are missed"
@@ -516,6 +556,9 @@ pub struct Evaluation {
 }
 
 /// Evaluates a campaign.
+///
+/// The rows may stand in any order. Of rows of one time the first counts; the others are
+/// [`Repeated`](FrameStatus::Repeated), so that a table which holds frames twice is judged as if it held them once.
 ///
 /// # Errors
 /// [`AccuracyError`] without any spot, for a weather record whose times do not ascend or whose columns differ
@@ -610,6 +653,9 @@ pub fn evaluate(
         frames,
     };
     evaluation.warnings = warnings(&evaluation, spots, weather, setup, limits, options);
+    evaluation
+        .warnings
+        .extend(repeated(spots, &evaluation.frames, &order));
     evaluation.clauses = clauses::clauses(&evaluation, weather, setup, limits, statements);
     Ok(evaluation)
 }
@@ -657,11 +703,16 @@ fn statuses(
         .and_then(|w| w.air_temperature_c.as_deref())
         .map(column);
     let [coldest, warmest] = limits.air_temperature_c;
+    let mut before = None;
     for &row in order {
         let (spot, frame) = (&spots[row], &mut frames[row]);
         let Some(unix_ns) = spot.unix_ns else {
             continue;
         };
+        if before.replace(unix_ns) == Some(unix_ns) {
+            frame.status = FrameStatus::Repeated;
+            continue;
+        }
         // all of them are asked, so that each goes along with time
         let each: Vec<Option<f64>> = winds.iter_mut().map(|wind| wind.at(unix_ns)).collect();
         let sum: Option<f64> = each.iter().copied().sum();
@@ -704,6 +755,22 @@ fn statuses(
         }
     }
     frames
+}
+
+/// What is to be said of rows that have the time of another.
+fn repeated(spots: &[SpotRow], frames: &[EvaluatedFrame], order: &[usize]) -> Option<Warning> {
+    let (mut rows, mut different) = (0, 0);
+    let mut counts = None;
+    for &row in order {
+        let spot = &spots[row];
+        if frames[row].status != FrameStatus::Repeated {
+            counts = Some((spot.status, spot.spot_m));
+            continue;
+        }
+        rows += 1;
+        different += usize::from(counts != Some((spot.status, spot.spot_m)));
+    }
+    (rows > 0).then_some(Warning::Repeated { rows, different })
 }
 
 fn counts(frames: &[EvaluatedFrame]) -> Vec<(FrameStatus, usize)> {

@@ -391,6 +391,7 @@ fn clauses_say_what_is_met() {
         poses_covered: Some(true),
         synchronous: Some(true),
         spot_method: Some("standard".to_owned()),
+        spot_method_of_table: None,
     };
     let run = |said: &Statements| {
         evaluate(
@@ -420,13 +421,39 @@ fn clauses_say_what_is_met() {
         wind_resolution_m_s: Some(1.0),
         camera_bits: None,
         spot_method: Some("robust".to_owned()),
+        ..said.clone()
+    });
+    let of = |all: &[Clause], number: &str| {
+        let clause = all.iter().find(|c| c.number == number).unwrap();
+        (clause.outcome, clause.words.join("; "))
+    };
+    assert_eq!(of(&other, "5.2").0, ClauseOutcome::Deviates);
+    assert_eq!(of(&other, "5.3").0, ClauseOutcome::NotStated);
+    assert_eq!(of(&other, "A.2").0, ClauseOutcome::Deviates);
+    assert_eq!(of(&other, "5.1").0, ClauseOutcome::Met);
+    // What the tables show is believed before what is stated, and instead of nothing.
+    let shown = run(&Statements {
+        camera_frames_per_s: None,
+        spot_method_of_table: Some("robust".to_owned()),
+        ..said.clone()
+    });
+    for number in ["7.2", "A.2"] {
+        let (outcome, words) = of(&shown, number);
+        assert_eq!(outcome, ClauseOutcome::Deviates);
+        assert!(
+            words.contains("“robust”") && words.contains("stated was “standard”"),
+            "{words}"
+        );
+    }
+    let (outcome, words) = of(&shown, "5.3");
+    assert_eq!(outcome, ClauseOutcome::Met);
+    assert!(words.contains("15.000 by their times"), "{words}");
+    let unsaid = run(&Statements {
+        spot_method: None,
+        spot_method_of_table: Some("standard".to_owned()),
         ..said
     });
-    let of = |number: &str| other.iter().find(|c| c.number == number).unwrap().outcome;
-    assert_eq!(of("5.2"), ClauseOutcome::Deviates);
-    assert_eq!(of("5.3"), ClauseOutcome::NotStated);
-    assert_eq!(of("A.2"), ClauseOutcome::Deviates);
-    assert_eq!(of("5.1"), ClauseOutcome::Met);
+    assert_eq!(of(&unsaid, "A.2").0, ClauseOutcome::Met);
 }
 
 /// Counts verdicts of simulated campaigns.
@@ -525,4 +552,84 @@ fn wrong_verdicts_are_as_rare_as_promised() {
             "{wind} {memory_s}: {qualified} {not}"
         );
     }
+}
+
+/// A table that holds frames twice is judged as if it held them once: appended whole, overlapping, or out of order.
+#[test]
+fn frames_that_stand_twice_count_once() {
+    let campaign = Campaign {
+        seed: 9,
+        duration_s: 2760.0,
+        frames_per_s: 1.0,
+        memory_s: 0.01,
+        ..Campaign::default()
+    };
+    let (spots, weather) = campaign.simulate();
+    let setup = Setup {
+        slant_m: campaign.slant_m,
+        ..plain_setup()
+    };
+    let once = judge(&spots, Some(&weather), &setup);
+    let third = spots.len() / 3;
+    let twice = [&spots[..], &spots[..]].concat();
+    let overlapping = [&spots[..2 * third], &spots[third..]].concat();
+    let mut shuffled = twice.clone();
+    let mut dice = Dice::new(3);
+    for end in (1..shuffled.len()).rev() {
+        shuffled.swap(end, (dice.uniform() * (end + 1) as f64) as usize);
+    }
+    for (what, table) in [
+        ("twice", twice),
+        ("overlapping", overlapping),
+        ("shuffled", shuffled),
+    ] {
+        let more = table.len() - spots.len();
+        let found = judge(&table, Some(&weather), &setup);
+        assert_eq!(found.verdict, once.verdict, "{what}");
+        assert_eq!(found.judged, once.judged, "{what}");
+        assert_eq!(found.histogram, once.histogram, "{what}");
+        assert_eq!(found.figures, once.figures, "{what}");
+        assert_eq!(found.clauses, once.clauses, "{what}");
+        let repeated = found.counts.iter().find(|c| c.0 == FrameStatus::Repeated);
+        assert_eq!(repeated, Some(&(FrameStatus::Repeated, more)), "{what}");
+        let said = Warning::Repeated {
+            rows: more,
+            different: 0,
+        };
+        assert!(
+            found.warnings.contains(&said),
+            "{what}: {:?}",
+            found.warnings
+        );
+    }
+    assert!(
+        !once
+            .warnings
+            .iter()
+            .any(|w| matches!(w, Warning::Repeated { .. }))
+    );
+}
+
+/// Of rows that contradict each other the first counts, and it is said how many there are.
+#[test]
+fn rows_of_one_time_that_differ_are_told() {
+    let rows = [
+        spot(5, 0.1, 0.0),
+        spot(4, 0.3, 0.4),
+        spot(5, 0.2, 0.0),
+        spot(5, 0.1, 0.0),
+    ];
+    let found = judge(&rows, None, &plain_setup());
+    let statuses: Vec<FrameStatus> = found.frames.iter().map(|f| f.status).collect();
+    let (ok, again) = (FrameStatus::Ok, FrameStatus::Repeated);
+    assert_eq!(statuses, [ok, ok, again, again]);
+    let said = Warning::Repeated {
+        rows: 2,
+        different: 1,
+    };
+    assert!(found.warnings.contains(&said));
+    assert!(
+        said.to_string()
+            .contains("left out: 2, of which 1 say otherwise")
+    );
 }

@@ -1,5 +1,6 @@
 //! Frames from image files.
 
+use std::cell::Cell;
 use std::io::Cursor;
 use std::panic;
 
@@ -151,8 +152,9 @@ pub enum DecodeError {
 /// stretched to 8 or 16. Colours become gray as 0.299 R + 0.587 G + 0.114 B (BT.601), rounded, halves up; JPEG,
 /// CMYK and palettes by way of RGB. Transparency is ignored, as are orientation tags and colour profiles. Of an
 /// animated PNG the still picture is taken. Refused are TIFF files with several pictures, of floating point, with
-/// palettes, or of 2 or 4 bit, and whatever the file is too short for. A decoder that panics is caught: the panic hook
-/// says so, and the file counts as broken.
+/// palettes, or of 2 or 4 bit, and whatever the file is too short for. A decoder that panics is caught, and the
+/// file counts as broken; the program's panic hook is asked first, see [`is_decoding`]. What a decoder says is told in
+/// a line of at most 200 characters.
 ///
 /// # Errors
 /// [`DecodeError`]; beyond `limits` before memory is taken for the picture.
@@ -171,12 +173,53 @@ pub enum DecodeError {
 pub fn decode(bytes: &[u8], limits: &Limits) -> Result<Frame, DecodeError> {
     let format = format_of(bytes)?;
     // Fuzzing found files at which decoders panic (png 0.18.1: a palette of one byte; zune-jpeg 0.5.15).
-    panic::catch_unwind(|| decode_as(format, bytes, limits)).unwrap_or_else(|_| {
+    let decoding = Decoding::begin();
+    let read = panic::catch_unwind(|| decode_as(format, bytes, limits));
+    drop(decoding);
+    read.unwrap_or_else(|_| {
         Err(DecodeError::Broken {
             format: name_of(format),
             what: "the decoder gave up".to_owned(),
         })
     })
+}
+
+thread_local! {
+    static DECODING: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Whether this thread is within [`decode`], where panics are caught.
+///
+/// A library must not replace the panic hook of a program; a program whose hook asks this may keep silent about
+/// panics that concern nobody:
+///
+/// ```
+/// let hook = std::panic::take_hook();
+/// std::panic::set_hook(Box::new(move |info| {
+///     if !helio_spot::is_decoding() {
+///         hook(info);
+///     }
+/// }));
+/// ```
+#[must_use]
+pub fn is_decoding() -> bool {
+    DECODING.get()
+}
+
+/// As long as it lives, this thread decodes.
+struct Decoding;
+
+impl Decoding {
+    fn begin() -> Self {
+        DECODING.set(true);
+        Self
+    }
+}
+
+impl Drop for Decoding {
+    fn drop(&mut self) {
+        DECODING.set(false);
+    }
 }
 
 fn decode_as(format: ImageFormat, bytes: &[u8], limits: &Limits) -> Result<Frame, DecodeError> {
@@ -313,6 +356,7 @@ fn refused(format: &'static str, limits: &Limits, error: ImageError) -> DecodeEr
         }
         other => other.to_string(),
     };
+    let what = in_short(&what);
     match error {
         ImageError::IoError(error) if error.kind() == std::io::ErrorKind::UnexpectedEof => {
             DecodeError::Truncated { format }
@@ -325,6 +369,19 @@ fn refused(format: &'static str, limits: &Limits, error: ImageError) -> DecodeEr
         ImageError::Unsupported(_) => DecodeError::Unsupported { format, what },
         _ => DecodeError::Broken { format, what },
     }
+}
+
+/// On a line, and no longer than anybody reads: decoders quote from files.
+fn in_short(text: &str) -> String {
+    // With what stands around it at most 200.
+    const MOST: usize = 140;
+    let plain = |c: char| if c.is_control() { ' ' } else { c };
+    let mut short: String = text.chars().take(MOST).map(plain).collect();
+    if text.chars().nth(MOST).is_some() {
+        short.pop();
+        short.push('…');
+    }
+    short
 }
 
 /// Whether a second directory of tags follows the first; none where the file is too short to tell.

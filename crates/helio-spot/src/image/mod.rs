@@ -4,7 +4,7 @@ mod decode;
 mod luma;
 mod video;
 
-pub use decode::{DecodeError, Limits, decode};
+pub use decode::{DecodeError, Limits, decode, is_decoding};
 pub use video::{RawFormat, RawVideo, VideoError};
 
 use crate::error::SpotError;

@@ -80,6 +80,17 @@ impl Cells {
             && self.on_target[(row * width + column) as usize]
     }
 
+    /// The part of the coarse cells whose light is above a gray value.
+    pub(super) fn share_above(&self, gray: f64) -> f64 {
+        let values = self.coarse.values.iter().filter(|value| !value.is_nan());
+        let (mut above, mut all) = (0_u32, 0_u32);
+        for value in values {
+            all += 1;
+            above += u32::from(f64::from(*value) > gray);
+        }
+        f64::from(above) / f64::from(all.max(1))
+    }
+
     /// Whether one of its neighbours does not.
     pub(super) fn at_edge(&self, column: usize, row: usize) -> bool {
         let [x, y] = [column as isize, row as isize];
@@ -101,8 +112,8 @@ impl Cells {
         [0, 1].map(|k| (pixel[k] - self.first[k] as f64 - half) / self.block as f64)
     }
 
-    /// Takes the means of the pixels within the closed outline \[px\]; false where hardly any of it lies in the
-    /// frame.
+    /// Takes the means of the pixels within the closed outline \[px\]; false where less than half of it lies in the
+    /// frame, or hardly any pixel.
     pub(super) fn fill<P: Gray>(&mut self, view: View<'_, P>, outline_px: &[[f64; 2]]) -> bool {
         let mut low = [f64::INFINITY; 2];
         let mut high = [f64::NEG_INFINITY; 2];
@@ -129,10 +140,12 @@ impl Cells {
         let (columns, rows) = (size[0] / block, size[1] / block);
         self.fine.reset(columns, rows);
         let per_pixel = 1.0 / (block * block) as f32;
+        let mut seen = 0;
         for row in 0..rows {
             let Some((from, to)) = self.inside(outline_px, row) else {
                 continue;
             };
+            seen += to - from;
             self.sums.clear();
             self.sums.resize((to - from) * block, 0);
             let first_column = self.first[0] + from * block;
@@ -146,6 +159,10 @@ impl Cells {
             for (value, sums) in values.iter_mut().zip(self.sums.chunks_exact(block)) {
                 *value = sums.iter().sum::<u32>() as f32 * per_pixel;
             }
+        }
+        // A corner far away makes a target of which the frame shows a bit.
+        if 2.0 * ((seen * block * block) as f64) < area(outline_px) {
+            return false;
         }
         self.coarsen();
         self.on_target.clear();
@@ -241,4 +258,17 @@ impl Cells {
         self.coarsen();
         true
     }
+}
+
+/// Of a closed outline \[px²\].
+fn area(outline_px: &[[f64; 2]]) -> f64 {
+    let Some(mut last) = outline_px.last().copied() else {
+        return 0.0;
+    };
+    let mut twice = 0.0;
+    for &point in outline_px {
+        twice += last[0] * point[1] - point[0] * last[1];
+        last = point;
+    }
+    0.5 * twice.abs()
 }

@@ -8,7 +8,7 @@ use crate::target::Plane;
 /// Light above this part of the peak counts wholly, above half of it in part.
 const FOOT: f32 = 0.08;
 /// Brighter than this part of white is as bright as the camera can tell.
-const SATURATED: f64 = 0.975;
+pub(super) const SATURATED: f64 = 0.975;
 
 /// What the fine cells of a lump say.
 #[derive(Debug, Clone, Copy, Default)]
@@ -25,9 +25,22 @@ pub(super) struct Centre {
     pub(super) saturated_area: f64,
     /// Brightest fine cell.
     pub(super) brightest: f64,
+    /// Its shape is that of two beams which melt into one.
+    pub(super) twin: bool,
+    /// Another lump's light meets it.
+    pub(super) beside: bool,
 }
 
 impl Centre {
+    /// Makes it less certain by so much along a direction.
+    pub(super) fn spread(&mut self, sigma_m: f64, direction: [f64; 2]) {
+        for r in 0..2 {
+            for c in 0..2 {
+                self.covariance_m2[r][c] += sigma_m * sigma_m * direction[r] * direction[c];
+            }
+        }
+    }
+
     /// One standard deviation per component \[m\].
     pub(super) fn sigma_m(&self) -> f64 {
         (0.5 * (self.covariance_m2[0][0] + self.covariance_m2[1][1])).sqrt()
@@ -86,6 +99,8 @@ struct Part {
     brighter: f64,
     /// Smoothed light above it.
     smooth: f64,
+    /// Its light, weighted by its area on the target.
+    light: f64,
     /// Some of it is as bright as the camera can tell.
     saturated: bool,
 }
@@ -136,6 +151,7 @@ impl CentreScratch {
                 if corners.iter().flatten().all(|value| *value <= 0.5 * foot) {
                     continue;
                 }
+                centre.beside |= lumps.meets(lump, column, row, foot);
                 let middle = [FINE * column as f64 + 1.5, FINE * row as f64 + 1.5];
                 let pixel = cells.middle_px(middle[0], middle[1]);
                 let (place_m, slopes) = (plane.to_target(pixel)?, plane.target_slopes(pixel)?);
@@ -150,6 +166,7 @@ impl CentreScratch {
                     mask_squared: 0.0,
                     brighter: 1.0,
                     smooth: f64::from(corners[1][1]),
+                    light: 0.0,
                     saturated: false,
                 };
                 // The light around is even enough within a coarse cell, but at a shadow's edge.
@@ -212,6 +229,7 @@ impl CentreScratch {
                     }
                 }
                 centre.area += part.mask;
+                part.light = area * sums.weight;
                 part.brighter += (sums.weight / (part.mask * level).max(1.0)).max(0.0);
                 let block = cells.block as f64;
                 for (to, from) in [
@@ -233,26 +251,77 @@ impl CentreScratch {
         }
         centre.place_m = whole.middle();
         centre.covariance_m2 = self.covariance(&centre, &whole, lumps, cells, light);
+        centre.twin = self.twin(&mut centre);
         if core.weight > 0.0 {
             let inner = core.middle();
             let off = [0, 1].map(|k| inner[k] - centre.place_m[k]);
-            for r in 0..2 {
-                for c in 0..2 {
-                    centre.covariance_m2[r][c] += SHAPE * SHAPE * off[r] * off[c];
-                }
-            }
+            centre.spread(SHAPE, off);
         }
         if lost.weight > 0.0 {
             let share = LOST * lost.weight / whole.weight;
             let at = lost.middle();
-            let off = [0, 1].map(|k| share * (at[k] - centre.place_m[k]));
-            for r in 0..2 {
-                for c in 0..2 {
-                    centre.covariance_m2[r][c] += off[r] * off[c];
-                }
-            }
+            let off = [0, 1].map(|k| at[k] - centre.place_m[k]);
+            centre.spread(share, off);
         }
         Some(centre)
+    }
+
+    /// Two round beams alike in width, `d` apart with the parts `p` and `q` of the light, have along their line the
+    /// variance `E = p q d^2` more than across, the third moment `k3 = p q (p - q) d^3` and the fourth cumulant
+    /// `k4 = p q (1 - 6 p q) d^4`, whence `k3^2 - k4 E = 2 E^3`, while a long beam has `E` alone. So far as that holds,
+    /// the covariance gets the way to the stronger of the two, `q d`, as one standard deviation. True where it is much.
+    fn twin(&self, centre: &mut Centre) -> bool {
+        let off = |part: &Part| [0, 1].map(|k| part.place_m[k] - centre.place_m[k]);
+        let (mut weight, mut second) = (0.0, [0.0; 3]);
+        for part in &self.parts {
+            let [x, y] = off(part);
+            weight += part.light;
+            second[0] += part.light * x * x;
+            second[1] += part.light * x * y;
+            second[2] += part.light * y * y;
+        }
+        let [xx, xy, yy] = second.map(|sum| sum / weight);
+        let (sine, cosine) = libm::sincos(0.5 * libm::atan2(2.0 * xy, xx - yy));
+        // Along and across.
+        let (mut squares, mut fourth, mut third) = ([0.0; 2], [0.0; 2], 0.0);
+        for part in &self.parts {
+            let [x, y] = off(part);
+            let along = cosine * x + sine * y;
+            let places = [along, cosine * y - sine * x];
+            for k in 0..2 {
+                let square = places[k] * places[k];
+                squares[k] += part.light / weight * square;
+                fourth[k] += part.light / weight * square * square;
+            }
+            third += part.light / weight * along * along * along;
+        }
+        let [along, across] = squares;
+        // Noise makes a round beam long by some five times its part in the centre.
+        let noise = TWIN_NOISE * centre.sigma_m() / across.sqrt();
+        let excess = along / across - 1.0;
+        let sure = excess - noise;
+        let direction = [cosine, sine];
+        // Of two beams nearer than their width hardly more than that is seen.
+        let little = LONG * excess.min(LONG_MOST) * across.sqrt();
+        centre.spread(little, direction);
+        if sure.is_nan() || sure <= 0.0 {
+            return false;
+        }
+        // All in units of the deviation across. What the foot cuts off changes both fourth moments alike.
+        let third = third / (across * across.sqrt());
+        let fourth =
+            (fourth[0] / (along * along) - fourth[1] / (across * across)) * (1.0 + excess).powi(2);
+        let alike = (third * third - fourth * excess) / (2.0 * excess * excess * excess);
+        let alike = alike * (excess + 0.2) / (0.62 * excess);
+        let rising = (alike - TWIN_FROM) / (TWIN_SURE - TWIN_FROM);
+        let falling = (TWIN_NOT - alike) / (0.5 * TWIN_NOT);
+        // Hardly long beams may be two near each other, which no moment tells.
+        let near = TWIN_NEAR * (1.0 - excess / TWIN_NEAR_MOST);
+        let part = rising.min(falling).clamp(0.0, 1.0).max(near);
+        let tilt = third.abs() / sure;
+        let way = 0.5 * ((tilt * tilt + 4.0 * sure).sqrt() - tilt);
+        centre.spread(part * way * across.sqrt(), direction);
+        part * way > TWIN
     }
 
     /// Nothing counted.
@@ -284,13 +353,14 @@ impl CentreScratch {
             .flatten()
     }
 
-    /// Where the centre would be with what is not seen of a spot that the target's edge cuts: the part beyond the edge
-    /// of the Gaussian that fits what is seen best. None where no Gaussian fits. The centre's uncertainty gets
-    /// the way there as one standard deviation.
-    pub(super) fn complete(&self, centre: &mut Centre, plane: &Plane) -> Option<[f64; 2]> {
+    /// The way to where the centre would be with what is not seen of a spot that the target's edge cuts: the part beyond
+    /// the edge of the Gaussian that fits what is seen best. None where no Gaussian fits. `at_edge` is the part of its
+    /// peak that is seen at the edge: where the Gaussian wants more, less is missing.
+    pub(super) fn beyond(&self, centre: &Centre, plane: &Plane, at_edge: f64) -> Option<[f64; 2]> {
         let shape = self.gaussian(centre)?;
         let half = [0.5 * plane.board().width_m, 0.5 * plane.board().height_m];
         let (mut seen, mut unseen) = (Sums::default(), Sums::default());
+        let mut wanted = 0.0_f64;
         let reach = shape.deviation_m.map(|sigma| 4.0 * sigma);
         let steps = 40;
         for row in -steps..=steps {
@@ -303,6 +373,7 @@ impl CentreScratch {
                     seen.add(weight, place);
                 } else {
                     unseen.add(weight, place);
+                    wanted = wanted.max(weight);
                 }
             }
         }
@@ -310,15 +381,19 @@ impl CentreScratch {
         if unseen.weight == 0.0 || unseen.weight > seen.weight {
             return None;
         }
-        let share = unseen.weight / (seen.weight + unseen.weight);
+        let missing = unseen.weight * (at_edge / wanted).min(1.0);
+        let share = missing / (seen.weight + missing);
         let beyond = unseen.middle();
-        let off = [0, 1].map(|k| share * (beyond[k] - centre.place_m[k]));
-        for r in 0..2 {
-            for c in 0..2 {
-                centre.covariance_m2[r][c] += off[r] * off[c];
-            }
-        }
-        Some([0, 1].map(|k| centre.place_m[k] + off[k]))
+        Some([0, 1].map(|k| share * (beyond[k] - centre.place_m[k])))
+    }
+
+    /// Whether the Gaussian through what is seen has its top on the target.
+    pub(super) fn is_topped(&self, centre: &Centre, plane: &Plane) -> bool {
+        let board = plane.board();
+        self.gaussian(centre).is_some_and(|shape| {
+            let half = [0.5 * board.width_m, 0.5 * board.height_m];
+            (0..2).all(|k| shape.middle_m[k].abs() < half[k] - TOP_WITHIN * shape.deviation_m[k])
+        })
     }
 
     /// The Gaussian whose logarithm, a quadratic, fits that of the smoothed light best, each cell weighted by the square
@@ -374,6 +449,8 @@ impl CentreScratch {
         let noisier = (bend * bend / 6.0 - beside).max(0.0);
         let mut noise = [[0.0; 2]; 2];
         let mut lever = [[0.0; TERMS]; 2];
+        // Of a shadow's edge that is not quite where, nor as wide as it was found.
+        let mut shifted = [0.0; 2];
         for part in &self.parts {
             let [[a, b], [c, d]] = part.slopes;
             let area = (a * d - b * c).abs();
@@ -386,6 +463,7 @@ impl CentreScratch {
                 [extent * (a * c + b * d), extent * (c * c + d * d)],
             ];
             let basis = light.basis(part.column, part.row);
+            let steep = light.steepness(part.column, part.row);
             // Folds and dirt take their part of the spot's light too.
             let within = beside * part.brighter * part.brighter + noisier;
             for r in 0..2 {
@@ -395,6 +473,7 @@ impl CentreScratch {
                 for (to, term) in lever[r].iter_mut().zip(&basis) {
                     *to += area * part.mask * off[r] * term;
                 }
+                shifted[r] += area * part.mask * off[r] * steep;
             }
         }
         let surface = light.covariance(&lever);
@@ -402,16 +481,34 @@ impl CentreScratch {
         let mut sum = [[0.0; 2]; 2];
         for r in 0..2 {
             for c in 0..2 {
-                sum[r][c] = (noise[r][c] + surface[r][c]) / total;
+                let edge = EDGE_SHIFT * EDGE_SHIFT * shifted[r] * shifted[c];
+                let plane: f64 = (0..3).map(|k| lever[r][k] * lever[c][k]).sum();
+                let doubt = light.doubt * light.doubt * plane;
+                sum[r][c] = (noise[r][c] + surface[r][c] + edge + doubt) / total;
             }
         }
         sum
     }
 }
 
+/// See [`CentreScratch::twin`]: times the noise of the centre in deviations of the beam; likeness from which on, from
+/// which on surely, and from which on no longer; and the deviations of the beam that are worth a flag.
+const TWIN_NOISE: f64 = 4.0;
+const TWIN_FROM: f64 = 0.35;
+const TWIN_SURE: f64 = 0.8;
+const TWIN_NOT: f64 = 3.2;
+const TWIN: f64 = 0.1;
+const TWIN_NEAR: f64 = 0.25;
+const TWIN_NEAR_MOST: f64 = 0.4;
+const LONG: f64 = 0.3;
+const LONG_MOST: f64 = 0.15;
+/// How far within the edge a top is to be that is seen in part, in standard deviations.
+const TOP_WITHIN: f64 = 0.2;
+/// How well the place of a shadow's edge is known \[fine cells\].
+const EDGE_SHIFT: f64 = 0.3;
 /// How far the response of a camera that was not measured may draw the centre towards the brightest part: a part of
 /// the way from the centre of all light to that of the brighter half.
-const SHAPE: f64 = 0.35;
+const SHAPE: f64 = 0.5;
 /// Light beyond white, as a part of what is seen where the picture is white.
 const LOST: f64 = 0.25;
 

@@ -8,6 +8,7 @@ pub(super) const TERMS: usize = 9;
 /// How many are used, and how many of those make planes.
 const WITHOUT_EDGE: [usize; 2] = [6, 3];
 const WITH_EDGE: [usize; 2] = [9, 6];
+const LEVEL: [usize; 2] = [3, 3];
 /// The step.
 const STEP: usize = 3;
 /// Pulls curvatures towards nought, in tiles' worth of evidence: a surface that is known on one side of a large
@@ -19,6 +20,15 @@ const BRIGHT: f64 = 2.5;
 const DARK: f64 = 3.5;
 /// Gray values within which the surface is never better known, as a part of white: a quarter of a step of 8 bits.
 const FLOOR: f64 = 0.25 / 255.0;
+
+/// See [`Light::bulges`]: parts of the light.
+const UNFIT: f64 = 0.03;
+const BULGE: f64 = 0.05;
+
+/// Part of the tiles below the plane that a fit begins with: a spot of half the target leaves it within the light around.
+const LOWER: f64 = 0.33;
+/// And where a beam may leave hardly any without its light.
+const LOWEST: f64 = 0.15;
 
 /// Fine cells of a tile.
 const TILE_AREA: f64 = (TILE * COARSE * TILE * COARSE) as f64;
@@ -44,6 +54,23 @@ impl Edge {
     }
 }
 
+/// What the light without the spot is taken for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Ground {
+    /// A quadratic surface.
+    Curved,
+    /// The same with a shadow's edge.
+    Shaded(Edge),
+    /// A plane through the darkest of the target.
+    Level,
+}
+
+impl Ground {
+    pub(super) fn of(edge: Option<Edge>) -> Self {
+        edge.map_or(Self::Curved, Self::Shaded)
+    }
+}
+
 /// The surface.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Light {
@@ -58,10 +85,25 @@ pub(super) struct Light {
     pub(super) unrest: f64,
     /// Tiles that belong to it, of all.
     pub(super) share: f64,
+    /// What it may be off as a whole, or at one side against the other.
+    pub(super) doubt: f64,
     sums: Sums,
 }
 
 impl Light {
+    /// Whether it rises towards the middle of the target and the tiles are far from it, as daylight does not and a beam does
+    /// that leaves hardly any of the target without its light.
+    pub(super) fn bulges(&self, white: f64) -> bool {
+        let used = if self.edge.is_some() {
+            WITH_EDGE
+        } else {
+            WITHOUT_EDGE
+        };
+        let curved = self.terms[used[1]] + self.terms[used[1] + 2];
+        let level = self.terms[0];
+        self.tile_sigma > (UNFIT * level).max(4.0 * FLOOR * white) && curved < -BULGE * level
+    }
+
     /// At the fine cell (column, row).
     pub(super) fn at(&self, column: f64, row: f64) -> f64 {
         let basis = basis(self.half, self.edge.as_ref(), column, row);
@@ -113,6 +155,17 @@ impl Light {
     /// Its terms' factors at the fine cell (column, row).
     pub(super) fn basis(&self, column: f64, row: f64) -> [f64; TERMS] {
         basis(self.half, self.edge.as_ref(), column, row)
+    }
+
+    /// Change per fine cell towards the light at a shadow's edge, over a coarse cell about the fine cell (column, row).
+    pub(super) fn steepness(&self, column: f64, row: f64) -> f64 {
+        self.edge.map_or(0.0, |edge| {
+            let side = 0.5 * COARSE as f64;
+            let [right, down] = edge.normal.map(|c| side * c);
+            let rise =
+                edge.step(column + right, row + down) - edge.step(column - right, row - down);
+            self.terms[STEP] * rise / COARSE as f64
+        })
     }
 
     /// Covariance of two sums of the terms with these factors.
@@ -267,9 +320,13 @@ impl LightScratch {
         &mut self,
         tiles: &Grid,
         fine: [usize; 2],
-        edge: Option<Edge>,
+        ground: Ground,
         white: f64,
     ) -> Option<Light> {
+        let edge = match ground {
+            Ground::Shaded(edge) => Some(edge),
+            Ground::Curved | Ground::Level => None,
+        };
         let half = [0.5 * fine[0] as f64, 0.5 * fine[1] as f64];
         let side = TILE * COARSE;
         self.tiles.clear();
@@ -294,17 +351,20 @@ impl LightScratch {
             return None;
         }
         let floor = FLOOR * white;
-        let [used, planes] = if edge.is_some() {
-            WITH_EDGE
-        } else {
-            WITHOUT_EDGE
+        let [used, planes] = match ground {
+            Ground::Shaded(_) => WITH_EDGE,
+            Ground::Curved => WITHOUT_EDGE,
+            Ground::Level => LEVEL,
         };
-        let mut terms = self.low_plane(planes, floor)?;
+        let level = ground == Ground::Level;
+        let mut terms = self.low_plane(planes, floor, if level { LOWEST } else { LOWER })?;
         // Roughness from tile to tile, whatever lies upon the surface.
         let steps = tiles.values.windows(2).map(|pair| pair[1] - pair[0]);
         let rough = median(&mut self.sizes, steps.filter(|step| !step.is_nan()));
         let off = self.tiles.iter();
         let off = off.map(|tile| (tile.value - dot(&terms, &tile.basis)) as f32);
+        // What is above the plane is the beam's.
+        let off = off.filter(|off| !level || *off < 0.0);
         let mut sigma = median(&mut self.sizes, off).max(rough).max(floor);
         // The low plane lies below the surface: begin wide, from where most of the tiles near it are.
         let mut sums = Sums::new(used, planes);
@@ -322,7 +382,8 @@ impl LightScratch {
                     changed += 1;
                 }
             }
-            if changed == 0 && settled {
+            // What is between the plane and the beam's foot must not lift it.
+            if changed == 0 && settled || level {
                 break;
             }
             terms = sums.solve()?;
@@ -361,6 +422,7 @@ impl LightScratch {
             }
         }
         if 5 * left >= self.tiles.len()
+            && !level
             && let Some(better) = without.solve()
         {
             terms = better;
@@ -379,6 +441,7 @@ impl LightScratch {
             tile_sigma: sigma,
             unrest,
             share,
+            doubt: 0.0,
             sums,
         })
     }
@@ -423,10 +486,8 @@ impl LightScratch {
         most * TILE_AREA
     }
 
-    /// A plane (and step) below which a third of the tiles are: a spot of half the target leaves it within the
-    /// light around.
-    fn low_plane(&self, planes: usize, floor: f64) -> Option<[f64; TERMS]> {
-        const BELOW: f64 = 0.33;
+    /// A plane (and step) below which a part of the tiles is.
+    fn low_plane(&self, planes: usize, floor: f64, part: f64) -> Option<[f64; TERMS]> {
         let mut terms = [0.0; TERMS];
         for pass in 0..12 {
             let mut sums = Sums::new(planes, planes);
@@ -436,7 +497,7 @@ impl LightScratch {
                 let weight = if pass == 0 {
                     1.0
                 } else {
-                    let side = if residual > 0.0 { BELOW } else { 1.0 - BELOW };
+                    let side = if residual > 0.0 { part } else { 1.0 - part };
                     side / residual.abs().max(4.0 * floor)
                 };
                 sums.add(&tile.basis, tile.value, weight);

@@ -3,8 +3,17 @@
 use super::cells::{COARSE, Cells, Grid};
 use super::light::{Light, median};
 
-/// Where one lump ends and the next begins: the saddle between two is lower than this part of the lower top.
+/// Where one lump ends and the next begins: the saddle between two is lower than this part of the lower top. Of what is
+/// large and stands out a reader of the picture says two tops sooner than of specks in a spot's foot.
 const SADDLE: f32 = 0.4;
+const SADDLE_OF_LARGE: f32 = 0.75;
+/// Above this part of the lower top two tops are one.
+const SEAM: f32 = 0.92;
+/// A top is large from so many coarse cells on and this part of the higher one, and stands out by so many times the
+/// roughness.
+const LARGE: u32 = 8;
+const LIKE: f32 = 0.15;
+const STANDS_OUT: f32 = 5.0;
 /// Coarse cells above this part of a top are its half.
 const HALF: f32 = 0.5;
 /// And its very top.
@@ -30,15 +39,13 @@ pub(super) struct Lump {
     pub(super) at_edge: f32,
     /// Length of the target's edge that its top touches, in radii of the top taken as a disc.
     pub(super) contact: f64,
+    /// Coarse cells of its top.
+    pub(super) top_cells: u32,
+    /// Though its top touches the edge the middle may be on the target.
+    pub(super) may_be_cut: bool,
+    /// It has a second top.
+    pub(super) seam: bool,
     label: u16,
-}
-
-impl Lump {
-    /// Light that grows towards the target's edge: its middle is not on the target, or need not be.
-    pub(super) fn grows_outwards(&self) -> bool {
-        // A disc cut through its middle has 2.8, cut half-way to its rim 1.9, whole 0.
-        self.contact > 1.4
-    }
 }
 
 /// Coarse cells above the light, and their lumps.
@@ -57,6 +64,8 @@ pub(super) struct Lumps {
     order: Vec<u64>,
     parents: Vec<u16>,
     tops: Vec<f32>,
+    counts: Vec<u32>,
+    seams: Vec<u16>,
     sizes: Vec<f32>,
 }
 
@@ -127,7 +136,10 @@ impl Lumps {
         self.labels.resize(width * height, NONE);
         self.parents.clear();
         self.tops.clear();
+        self.counts.clear();
+        self.seams.clear();
         self.order.clear();
+        let outstanding = STANDS_OUT * self.sigma as f32;
         for (cell, &value) in self.above.values.iter().enumerate() {
             if value > low {
                 // Bits of positive numbers are ordered as the numbers are.
@@ -156,8 +168,16 @@ impl Lumps {
                     if self.tops[lower as usize] > self.tops[high as usize] {
                         (high, lower) = (lower, high);
                     }
-                    if value >= SADDLE * self.tops[lower as usize] {
+                    let top = self.tops[lower as usize];
+                    let large = self.counts[lower as usize] >= LARGE
+                        && top - value > outstanding
+                        && top > LIKE * self.tops[high as usize];
+                    if value >= if large { SADDLE_OF_LARGE } else { SADDLE } * top {
                         self.parents[lower as usize] = high;
+                        self.counts[high as usize] += self.counts[lower as usize];
+                        if large && value < SEAM * top {
+                            self.seams.push(high);
+                        }
                     }
                     mine = high;
                 }
@@ -169,8 +189,10 @@ impl Lumps {
                 mine = self.parents.len() as u16;
                 self.parents.push(mine);
                 self.tops.push(value);
+                self.counts.push(0);
             }
             self.labels[cell] = mine;
+            self.counts[mine as usize] += 1;
         }
         for k in 0..self.labels.len() {
             if self.labels[k] != NONE {
@@ -196,6 +218,9 @@ impl Lumps {
                 across: 0.0,
                 at_edge: 0.0,
                 contact: 0.0,
+                top_cells: 0,
+                may_be_cut: false,
+                seam: self.seams.iter().any(|&seam| self.root(seam) == label),
                 label,
             };
             let mut half = Moments::default();
@@ -229,6 +254,7 @@ impl Lumps {
             [lump.along, lump.across] = half.deviations();
             let radius = (f64::from(top) / std::f64::consts::PI).sqrt();
             lump.contact = f64::from(touching) / radius;
+            lump.top_cells = top;
             self.found.push(lump);
         }
         self.found
@@ -242,6 +268,27 @@ impl Lumps {
         let value = self.above.values[cell];
         let label = self.labels[cell];
         (!value.is_nan() && (label == lump.label || label == NONE)).then_some(value)
+    }
+
+    /// Whether a cell beside this one is another lump's and brighter than `foot`.
+    pub(super) fn meets(&self, lump: &Lump, column: usize, row: usize, foot: f32) -> bool {
+        let (width, height) = (self.above.width, self.above.height);
+        (row.saturating_sub(1)..(row + 2).min(height)).any(|y| {
+            (column.saturating_sub(1)..(column + 2).min(width)).any(|x| {
+                let label = self.labels[y * width + x];
+                label != lump.label && label != NONE && self.above.values[y * width + x] > foot
+            })
+        })
+    }
+
+    /// Whether half of its peak reaches a coarse cell.
+    pub(super) fn reaches(&self, lump: &Lump, at: [f64; 2]) -> bool {
+        // Negative ones become the first.
+        let [column, row] = at.map(|at| at.round() as usize);
+        column < self.above.width
+            && row < self.above.height
+            && self.is_of(lump, column, row)
+            && self.above.values[row * self.above.width + column] >= HALF * lump.peak
     }
 
     pub(super) fn is_of(&self, lump: &Lump, column: usize, row: usize) -> bool {

@@ -30,7 +30,7 @@ use crate::target::Plane;
 use cells::Cells;
 use centre::CentreScratch;
 use edge::EdgeScratch;
-use light::LightScratch;
+use light::{Ground, Light, LightScratch};
 use lumps::{Lump, Lumps};
 
 /// What the search may be told.
@@ -158,14 +158,33 @@ impl SpotScratch {
 
 /// A lump's peak stands so many standard deviations out of the roughness around, at least.
 const OUTSTANDING: f32 = 10.0;
-/// And by so much of the light around, and of the step at a shadow's edge, whose softness is not known.
-const CONTRAST: f64 = 0.12;
+/// And by so much of the light around; of that and of the step at a shadow's edge, whose softness is not known, where a
+/// shadow's light may be taken for a spot.
+const CONTRAST: f64 = 0.05;
+const CONTRAST_OF_LIT: f64 = 0.12;
+/// Its top touches the target's edge along so many of its radii, at most: a disc cut through its middle has 2.8, cut half-way
+/// to its rim 1.9, whole 0.
+const CONTACT: f64 = 2.0;
+const CONTACT_OF_FEW: f64 = 1.0;
+const CONTACT_OF_LIT: f64 = 1.0;
+/// And at most so many if its top is on the target by a fit.
+const CONTACT_OF_CUT: f64 = 3.2;
+/// It is in a corner if that is within so many of its radii, or, of a large one, if the half of its peak reaches beside the
+/// mark there; how large is told by its radius, in halves of the target, where the mark is in halves of its sides.
+const CORNER: f64 = 2.2;
+const SMALL_CORNER: f64 = 0.3;
+const BESIDE_MARK: f64 = 0.8;
 /// A lump has so many coarse cells above half of its peak, at least: a disc of 5 % of the target's longer side across.
 const SMALLEST: u32 = 8;
 /// And is not so many times longer than wide.
 const LONGEST: f64 = 12.0;
+const LONGEST_OF_LIT: f64 = 6.0;
 /// A spot reaches over the edge where it has this part of its peak there.
 const CUT: f32 = 0.2;
+/// And from this part on what may lie beyond is asked for.
+const TOUCHES: f32 = 0.02;
+/// The centre of a spot that hardly reaches there is this part of the way to it off.
+const OF_TOUCHING: f64 = 0.6;
 /// A shadow's edge explains the light better by so much, the logarithm of a tile's likelihood.
 const EDGE_GAIN: f64 = 0.2;
 /// And is so many standard deviations high.
@@ -176,6 +195,14 @@ const SEVERAL: f64 = 0.05;
 const AMBIGUOUS: f64 = 0.3;
 /// A spot with less than this part of white above the light around is faint.
 const FAINT: f64 = 0.1;
+/// The light around that changes by this part of the spot's peak over the spot is uneven.
+const UNEVEN: f64 = 0.15;
+/// The middle of light that grows outwards is within this part of the target, where a spot may have it.
+const FAR_IN: f64 = 0.6;
+/// A target of which this part is as bright as the camera can tell shows nothing.
+const ALL_WHITE: f64 = 0.5;
+/// The light under a beam that leaves hardly any of it to be seen is known to this part of the beam's peak.
+const LEVEL_DOUBT: f64 = 0.2;
 /// A spot of whose brighter half so much is saturated has lost its shape.
 const SATURATED: f64 = 0.6;
 
@@ -252,10 +279,10 @@ fn find<P: Gray>(
     let floor = white / (4.0 * 255.0);
     let fine = [cells.fine.width, cells.fine.height];
     let mut light = light_scratch
-        .fit(&cells.tiles, fine, None, white)
+        .fit(&cells.tiles, fine, Ground::Curved, white)
         .ok_or(SpotStatus::NoTarget)?;
     if let Some(edge) = edge_scratch.find(cells, floor)
-        && let Some(shaded) = light_scratch.fit(&cells.tiles, fine, Some(edge), white)
+        && let Some(shaded) = light_scratch.fit(&cells.tiles, fine, Ground::Shaded(edge), white)
         && shaded.cost(white) < light.cost(white) - EDGE_GAIN
         && shaded.step() > EDGE_STEP * shaded.tile_sigma
     {
@@ -267,75 +294,78 @@ fn find<P: Gray>(
             break;
         }
         // Of what little may be left the surface before is good enough.
-        let Some(better) = light_scratch.fit(&cells.tiles, fine, light.edge, white) else {
+        let Some(better) = light_scratch.fit(&cells.tiles, fine, Ground::of(light.edge), white)
+        else {
             break;
         };
         light = better;
     }
     lumps.find(cells, &light, floor);
-
-    candidates.clear();
-    for lump in &lumps.found {
-        let [x, y] = cells.middle_px(
-            lumps::FINE * lump.middle[0] + 1.5,
-            lumps::FINE * lump.middle[1] + 1.5,
-        );
-        let (Some([u_m, v_m]), Some(metres)) =
-            (plane.to_target([x, y]), plane.metres_per_px([x, y]))
-        else {
-            continue;
-        };
-        let side_m = metres * (cells.block * cells::COARSE) as f64;
-        let around = light.at(
-            lumps::FINE * lump.middle[0] + 1.5,
-            lumps::FINE * lump.middle[1] + 1.5,
-        );
-        let refused = if lump.peak < OUTSTANDING * lumps.sigma as f32
-            || f64::from(lump.peak) < CONTRAST * around.max(light.step())
-        {
-            Some(Refusal::Rough)
-        } else if lump.half_cells < SMALLEST {
-            Some(Refusal::Small)
-        } else if lump.along > LONGEST * lump.across {
-            Some(Refusal::Thin)
-        } else if lump.grows_outwards() {
-            Some(Refusal::GrowsOutwards)
-        } else {
-            None
-        };
-        let candidate = Candidate {
-            u_m,
-            v_m,
-            light_m2: lump.sum * side_m * side_m,
-            peak: f64::from(lump.peak),
-            refused,
-        };
-        let mut score = libm::log(candidate.light_m2);
-        if let Some((u, v, sigma)) = options.expected {
-            let [a, b] = [(u_m - u) / sigma, (v_m - v) / sigma];
-            score -= 0.5 * (a * a + b * b);
-        }
-        candidates.push((score, candidate, *lump));
+    rank(lumps, cells, &light, plane, options, candidates);
+    let is_spot = |candidates: &[(f64, Candidate, Lump)]| {
+        let first = candidates.first();
+        first.is_some_and(|(_, candidate, _)| candidate.refused.is_none())
+    };
+    // A beam so large that the surface rises with it: under it the light may be a plane.
+    let bulges = light.bulges(white);
+    if bulges
+        && !is_spot(candidates)
+        && let Some(level) = light_scratch.fit(&cells.tiles, fine, Ground::Level, white)
+    {
+        lumps.find(cells, &level, floor);
+        rank(lumps, cells, &level, plane, options, candidates);
+        light = level;
     }
-    candidates.sort_by(|(a, one, _), (b, other, _)| {
-        let spots_first = one.refused.is_some().cmp(&other.refused.is_some());
-        spots_first.then(b.total_cmp(a))
-    });
+    if bulges && let Some((_, best, _)) = candidates.first() {
+        light.doubt = LEVEL_DOUBT * best.peak;
+    }
+    // Light that grows outwards and is all there is may yet have its middle on the target.
+    if let Some((_, first, lump)) = candidates.first_mut()
+        && first.refused == Some(Refusal::GrowsOutwards)
+        && lump.may_be_cut
+        && let Some(centre) = centre_scratch.of(lump, lumps, cells, &light, plane, white)
+        && centre_scratch.is_topped(&centre, plane)
+    {
+        first.refused = None;
+    }
 
     let mut flags = Flags::none();
     let mut spots = candidates.iter().filter(|(_, c, _)| c.refused.is_none());
     let Some((score, best, lump)) = spots.next() else {
-        return Ok(Spot::without(SpotStatus::Empty, flags));
+        let outwards = candidates
+            .first()
+            .filter(|(_, candidate, _)| candidate.refused == Some(Refusal::GrowsOutwards));
+        // Most of stray light is near the edge.
+        let far_in = outwards.is_some_and(|(_, candidate, _)| {
+            2.0 * candidate.u_m.abs() < FAR_IN * plane.board().width_m
+                && 2.0 * candidate.v_m.abs() < FAR_IN * plane.board().height_m
+        });
+        let white = cells.share_above(centre::SATURATED * white) > ALL_WHITE;
+        flags = flags
+            .with_if(outwards.is_some(), Flags::CUT)
+            .with_if(white, Flags::SATURATED);
+        let status = if white || bulges || far_in {
+            SpotStatus::Unclear
+        } else {
+            SpotStatus::Empty
+        };
+        return Ok(Spot::without(status, flags));
     };
     let mut centre = centre_scratch
         .of(lump, lumps, cells, &light, plane, white)
         .ok_or(SpotStatus::Empty)?;
     let cut = lump.at_edge > CUT * lump.peak;
-    let completed_m = if cut {
-        centre_scratch.complete(&mut centre, plane)
+    let beyond = if lump.at_edge > TOUCHES * lump.peak {
+        centre_scratch.beyond(&centre, plane, f64::from(lump.at_edge / lump.peak))
     } else {
         None
     };
+    if let Some(way) = beyond {
+        centre.spread(if cut { 1.0 } else { OF_TOUCHING }, way);
+    }
+    let completed_m = beyond
+        .filter(|_| cut)
+        .map(|way| [0, 1].map(|k| centre.place_m[k] + way[k]));
     let [u_m, v_m] = centre.place_m;
     let pixel = plane.to_pixels([u_m, v_m]).ok_or(SpotStatus::NoTarget)?;
     let of_plane = plane.covariance_m2(pixel).ok_or(SpotStatus::NoTarget)?;
@@ -353,12 +383,18 @@ fn find<P: Gray>(
         }
         ambiguous |= other_score - score > libm::log(AMBIGUOUS);
     }
+    flags = flags.with_if(lump.seam || centre.twin, Flags::SEVERAL);
     let saturated = centre.saturated_area > SATURATED * centre.half_area;
     flags = flags
         .with_if(cut, Flags::CUT)
         .with_if(centre.saturated_area > 0.0, Flags::SATURATED)
         .with_if(best.peak < FAINT * white, Flags::FAINT)
-        .with_if(light.step() > 0.05 * best.peak, Flags::UNEVEN_LIGHT);
+        .with_if(
+            light.step() > 0.05 * best.peak
+                || centre.beside
+                || uneven(lump, &light) > UNEVEN * best.peak,
+            Flags::UNEVEN_LIGHT,
+        );
     if let Some((u, v, sigma)) = options.expected {
         let far = (u_m - u).hypot(v_m - v) > 3.0 * sigma.hypot(centre.sigma_m());
         flags = flags.with_if(far, Flags::FAR_FROM_EXPECTED);
@@ -389,6 +425,106 @@ fn find<P: Gray>(
         peak: centre.brightest,
         background,
     })
+}
+
+/// How much the light around changes over a lump.
+fn uneven(lump: &Lump, light: &Light) -> f64 {
+    // A Gaussian's half is a disc of 1.2 standard deviations.
+    let reach = 2.0 * lumps::FINE * (f64::from(lump.half_cells) / std::f64::consts::PI).sqrt();
+    let [x, y] = lump.middle.map(|at| lumps::FINE * at + 1.5);
+    let about = [(reach, 0.0), (-reach, 0.0), (0.0, reach), (0.0, -reach)];
+    let levels = about.map(|(right, down)| light.at(x + right, y + down));
+    levels.into_iter().fold(f64::NEG_INFINITY, f64::max)
+        - levels.into_iter().fold(f64::INFINITY, f64::min)
+}
+
+/// The lumps as candidates, best first.
+fn rank(
+    lumps: &Lumps,
+    cells: &Cells,
+    light: &Light,
+    plane: &Plane,
+    options: &RobustOptions,
+    candidates: &mut Vec<(f64, Candidate, Lump)>,
+) {
+    let half = [0.5 * plane.board().width_m, 0.5 * plane.board().height_m];
+    candidates.clear();
+    for mut lump in lumps.found.iter().copied() {
+        let [x, y] = cells.middle_px(
+            lumps::FINE * lump.middle[0] + 1.5,
+            lumps::FINE * lump.middle[1] + 1.5,
+        );
+        let (Some([u_m, v_m]), Some(metres)) =
+            (plane.to_target([x, y]), plane.metres_per_px([x, y]))
+        else {
+            continue;
+        };
+        let side_m = metres * (cells.block * cells::COARSE) as f64;
+        let around = light.at(
+            lumps::FINE * lump.middle[0] + 1.5,
+            lumps::FINE * lump.middle[1] + 1.5,
+        );
+        // What a shadow leaves bright of a target is in a corner, or along an edge that is known.
+        let off = [u_m.abs() - half[0], v_m.abs() - half[1]];
+        let radius_m = side_m * (f64::from(lump.half_cells) / std::f64::consts::PI).sqrt();
+        let small = radius_m < SMALL_CORNER * half[0].max(half[1]);
+        let near = off[0].hypot(off[1]) < CORNER * radius_m;
+        let inwards = [
+            BESIDE_MARK * half[0].copysign(u_m),
+            BESIDE_MARK * half[1].copysign(v_m),
+        ];
+        let corner = if small {
+            near
+        } else {
+            plane.to_pixels(inwards).is_some_and(|pixel| {
+                let at = cells.of_px(pixel);
+                lumps.reaches(&lump, at.map(|at| (at - 1.5) / lumps::FINE))
+            })
+        };
+        let lit = light.edge.is_some() || corner;
+        let contrast = if lit || lump.contact > 0.0 {
+            CONTRAST_OF_LIT
+        } else {
+            CONTRAST
+        };
+        // Along how much of the edge a top of few cells lies is not to be told.
+        let contact = match (lit, lump.top_cells < SMALLEST) {
+            (true, _) => CONTACT_OF_LIT,
+            (false, true) => CONTACT_OF_FEW,
+            (false, false) => CONTACT,
+        };
+        let refused = if lump.peak < OUTSTANDING * lumps.sigma as f32
+            || f64::from(lump.peak) < contrast * around.max(light.step())
+        {
+            Some(Refusal::Rough)
+        } else if lump.half_cells < SMALLEST {
+            Some(Refusal::Small)
+        } else if lump.along > if lit { LONGEST_OF_LIT } else { LONGEST } * lump.across {
+            Some(Refusal::Thin)
+        } else if lump.contact > contact {
+            Some(Refusal::GrowsOutwards)
+        } else {
+            None
+        };
+        lump.may_be_cut = !lit && lump.top_cells >= SMALLEST && lump.contact < CONTACT_OF_CUT;
+        let candidate = Candidate {
+            u_m,
+            v_m,
+            light_m2: lump.sum * side_m * side_m,
+            peak: f64::from(lump.peak),
+            refused,
+        };
+        let mut score = libm::log(candidate.light_m2);
+        if let Some((u, v, sigma)) = options.expected {
+            let [a, b] = [(u_m - u) / sigma, (v_m - v) / sigma];
+            score -= 0.5 * (a * a + b * b);
+        }
+        candidates.push((score, candidate, lump));
+    }
+    candidates.sort_by(|(a, one, _), (b, other, _)| {
+        let spots_first = one.refused.is_some().cmp(&other.refused.is_some());
+        spots_first.then(b.total_cmp(a))
+    });
 }
 
 /// Points along the target's sides in the frame \[px\]; a lens bends them.

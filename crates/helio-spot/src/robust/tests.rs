@@ -106,49 +106,243 @@ fn follows_parts_of_a_pixel() {
     }
 }
 
-/// Error over stated standard deviation, without and with shot noise, gradient and a shadow's edge.
+/// Error over stated standard deviation, with shot noise and gradient; with a shadow's edge, with stray light at the edge,
+/// with beams that reach over it, with folds.
 #[test]
 fn says_how_certain_it_is() {
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    enum Case {
+        Plain,
+        Shadow,
+        Stray,
+        Large,
+        Folds,
+    }
     let mut random = Random(5);
     let mut scratch = SpotScratch::default();
-    for shadow in [false, true] {
-        let (mut squares, mut within, mut count) = (0.0, 0, 0);
-        for seed in 0..60 {
+    for case in [
+        Case::Plain,
+        Case::Shadow,
+        Case::Stray,
+        Case::Large,
+        Case::Folds,
+    ] {
+        let (mut squares, mut beyond, mut count) = (0.0, 0, 0);
+        for seed in 0..100 {
             let mut scene = scene();
             scene.sensor.white_electrons = random.between(1e3, 1e4);
             scene.sensor.read_noise = random.between(0.002, 0.02);
             scene.daylight.gradient_per_m =
                 [random.between(-0.03, 0.03), random.between(-0.03, 0.03)];
-            if shadow {
-                scene.daylight.shadow = Some(Shadow {
-                    through_m: [random.between(-2.0, 2.0), random.between(-2.0, 2.0)],
-                    into_rad: random.between(0.0, 6.0),
-                    depth: random.between(0.1, 0.6),
-                    penumbra_m: random.between(0.05, 0.3),
-                });
+            let mut sigma_m = random.between(0.35, 0.8);
+            match case {
+                Case::Plain => {}
+                Case::Shadow => {
+                    scene.daylight.shadow = Some(Shadow {
+                        through_m: [random.between(-2.0, 2.0), random.between(-2.0, 2.0)],
+                        into_rad: random.between(0.0, 6.0),
+                        depth: random.between(0.1, 0.6),
+                        penumbra_m: random.between(0.05, 0.3),
+                    });
+                }
+                Case::Stray => {
+                    let peak = random.between(0.1, 1.0);
+                    let shape = BeamShape::Gaussian { sigma_m: 0.8 };
+                    scene.others.push(beam(shape, 5.0, -0.7, peak));
+                }
+                Case::Large => sigma_m = random.between(1.0, 1.3),
+                Case::Folds => scene.texture = random.between(0.01, 0.05),
             }
-            let sigma_m = random.between(0.35, 0.8);
             let (u_m, v_m) = (random.between(-1.5, 1.5), random.between(-1.2, 1.2));
             let peak = random.between(0.15, 0.35);
             scene.beam = Some(beam(BeamShape::Gaussian { sigma_m }, u_m, v_m, peak));
             let found = look(&scene, seed, &RobustOptions::default(), &mut scratch);
+            if case == Case::Large && found.status == SpotStatus::Cut {
+                continue;
+            }
             assert_eq!(found.status, SpotStatus::Ok, "{seed} {scene:?}");
             let [[uu, _], [_, vv]] = found.covariance_m2;
             for z in [(found.u_m - u_m) / uu.sqrt(), (found.v_m - v_m) / vv.sqrt()] {
                 squares += z * z;
-                within += i32::from(z.abs() < 3.0);
+                beyond += i32::from(z.abs() > 3.0);
                 count += 1;
             }
         }
         let rms = (squares / f64::from(count)).sqrt();
-        let share = f64::from(within) / f64::from(count);
-        println!("shadow {shadow}: rms of error over sigma {rms:.2}, {share:.3} within 3");
-        if shadow {
-            assert!(rms < 2.0 && share > 0.9, "{rms} {share}");
-        } else {
-            assert!(rms > 0.5 && rms < 1.3 && share > 0.98, "{rms} {share}");
+        println!("{case:?}: rms of error over sigma {rms:.2}, {beyond} of {count} beyond 3");
+        assert!(count > 80, "{case:?} {count}");
+        let least = if case == Case::Large { 0.7 } else { 0.8 };
+        assert!(rms > least && rms < 1.25, "{case:?} {rms}");
+        assert!(100 * beyond <= count, "{case:?} {beyond} of {count}");
+    }
+}
+
+/// Two beams that melt into one: the centre of both is not the place of the one that is meant. Nobody is told so
+/// without a flag or an uncertainty that holds it; where two tops are to be seen, always with a flag.
+#[test]
+fn two_beams_are_not_one_without_a_word() {
+    let mut scratch = SpotScratch::default();
+    for deviations in [1.0, 1.5, 2.0, 2.5, 3.0, 4.0] {
+        for part in [1.0, 0.7, 0.5] {
+            let (mut silent, mut wrong) = (0, 0);
+            for step in 0..12 {
+                let angle = f64::from(step) * 0.55;
+                let apart = 0.6 * deviations;
+                let (u_m, v_m) = (-0.5 * apart * angle.cos(), -0.5 * apart * angle.sin());
+                let mut scene = scene();
+                scene.daylight.level = 0.35;
+                scene.texture = 0.005;
+                scene.beam = Some(gaussian(u_m, v_m, 0.3));
+                let [right, down] = [u_m + apart * angle.cos(), v_m + apart * angle.sin()];
+                scene.others.push(gaussian(right, down, 0.3 * part));
+                let found = look(&scene, step as u64, &RobustOptions::default(), &mut scratch);
+                assert!(found.status.has_position());
+                let told =
+                    found.status == SpotStatus::Ambiguous || found.flags.contains(Flags::SEVERAL);
+                let [[uu, _], [_, vv]] = found.covariance_m2;
+                let z = ((found.u_m - u_m) / uu.sqrt()).hypot((found.v_m - v_m) / vv.sqrt());
+                silent += i32::from(!told);
+                wrong += i32::from(!told && z > 5.0);
+            }
+            println!("{deviations} deviations, {part}: {silent} silent, {wrong} beyond 5 sigma");
+            assert_eq!(wrong, 0, "{deviations} {part}");
+            if deviations >= 1.5 {
+                assert_eq!(silent, 0, "{deviations} {part}");
+            }
         }
     }
+}
+
+/// One beam is not taken for two: round, long, flat, faint, in a shadow's edge.
+#[test]
+fn one_beam_is_not_two() {
+    let mut random = Random(8);
+    let mut scratch = SpotScratch::default();
+    let mut told = 0;
+    for seed in 0..120 {
+        let mut scene = scene();
+        scene.texture = 0.01;
+        let shape = match seed % 3 {
+            0 => BeamShape::Gaussian {
+                sigma_m: random.between(0.3, 0.8),
+            },
+            1 => BeamShape::Ellipse {
+                along_m: random.between(0.6, 0.9),
+                across_m: random.between(0.3, 0.5),
+                angle_rad: random.between(0.0, 3.0),
+            },
+            _ => BeamShape::FlatTop {
+                radius_m: random.between(0.6, 1.5),
+                edge_m: 0.15,
+            },
+        };
+        let (u_m, v_m) = (random.between(-1.0, 1.0), random.between(-0.8, 0.8));
+        let peak = random.between(0.1, 0.4);
+        scene.beam = Some(beam(shape, u_m, v_m, peak));
+        if seed % 2 == 1 {
+            scene.daylight.shadow = Some(Shadow {
+                through_m: [0.5, 0.0],
+                into_rad: random.between(0.0, 6.0),
+                depth: 0.3,
+                penumbra_m: 0.2,
+            });
+        }
+        let found = look(&scene, seed, &RobustOptions::default(), &mut scratch);
+        assert_eq!(found.status, SpotStatus::Ok, "{seed}");
+        told += i32::from(found.flags.contains(Flags::SEVERAL));
+    }
+    println!("{told} of 120 are said to be several");
+    assert!(told <= 3, "{told}");
+}
+
+/// `empty` is said where there is nothing to be seen, not of beams that fill the target, lie near its edge or blind the
+/// camera, nor of a faint one.
+#[test]
+fn what_is_seen_is_not_called_empty() {
+    let mut random = Random(3);
+    let mut scratch = SpotScratch::default();
+    let mut statuses = [0; SpotStatus::ALL.len()];
+    for seed in 0..90 {
+        let mut scene = scene();
+        scene.texture = 0.01;
+        let shape = match seed % 3 {
+            0 => BeamShape::FlatTop {
+                radius_m: 2.5,
+                edge_m: 0.375,
+            },
+            1 => BeamShape::FlatTop {
+                radius_m: 3.0,
+                edge_m: 0.45,
+            },
+            _ => BeamShape::Gaussian { sigma_m: 1.8 },
+        };
+        let reach = if seed % 3 == 1 { 0.3 } else { 2.0 };
+        let (u_m, v_m) = (random.between(-reach, reach), random.between(-reach, reach));
+        scene.beam = Some(beam(shape, u_m, v_m, 0.4));
+        let found = look(&scene, seed, &RobustOptions::default(), &mut scratch);
+        assert_ne!(found.status, SpotStatus::Empty, "{seed} {u_m} {v_m}");
+        if found.status.has_position() {
+            let off = (found.u_m - u_m).hypot(found.v_m - v_m);
+            // Of a Gaussian of which no foot is seen the light around has a part that nobody can tell.
+            let most = if seed % 3 == 2 {
+                0.7
+            } else {
+                3.0 * found.sigma_m()
+            };
+            assert!(off < most, "{seed} {off} {found:?}");
+        }
+        statuses[found.status as usize] += 1;
+    }
+    println!("{statuses:?}");
+    // Middle inside by a quarter metre.
+    for (u_m, sigma_m) in [(3.75, 0.6), (3.5, 0.6), (3.75, 1.0), (-3.5, 1.0)] {
+        let mut scene = scene();
+        scene.beam = Some(beam(BeamShape::Gaussian { sigma_m }, u_m, 0.3, 0.4));
+        let found = look(&scene, 1, &RobustOptions::default(), &mut scratch);
+        assert_eq!(found.status, SpotStatus::Cut, "{u_m} {sigma_m}");
+        let off = (found.u_m - u_m).hypot(found.v_m - 0.3);
+        assert!(off < 1.5 * found.sigma_m(), "{off} {found:?}");
+    }
+    let mut white = scene();
+    white.daylight.level = 1.3;
+    for with in [None, Some(gaussian(0.3, 0.2, 0.3))] {
+        white.beam = with;
+        let found = look(&white, 1, &RobustOptions::default(), &mut scratch);
+        assert_eq!(found.status, SpotStatus::Unclear);
+        assert!(found.flags.contains(Flags::SATURATED) && found.u_m.is_nan());
+    }
+    // 15 gray levels over a noise of 1.3.
+    for seed in 0..20 {
+        let mut scene = scene();
+        scene.sensor.white_electrons = f64::INFINITY;
+        scene.sensor.read_noise = 0.005;
+        scene.texture = 0.01;
+        scene.beam = Some(gaussian(1.0, -0.6, 0.06));
+        let found = look(&scene, seed, &RobustOptions::default(), &mut scratch);
+        assert_eq!(found.status, SpotStatus::Ok, "{seed}");
+        assert!(found.flags.contains(Flags::FAINT));
+        let off = (found.u_m - 1.0).hypot(found.v_m + 0.6);
+        assert!(off < 0.1, "{seed} {off}");
+    }
+}
+
+/// Of stray light where it meets the spot only.
+#[test]
+fn uneven_light_is_told_where_the_spot_is() {
+    let mut scene = scene();
+    let shape = BeamShape::Gaussian { sigma_m: 0.8 };
+    scene.others.push(beam(shape, 5.0, -0.7, 0.4));
+    for (u_m, uneven) in [(-2.0, false), (0.0, false), (1.9, true)] {
+        scene.beam = Some(gaussian(u_m, -0.5, 0.35));
+        let found = spot(&scene, 1);
+        assert_eq!(found.status, SpotStatus::Ok, "{u_m}");
+        assert_eq!(found.flags.contains(Flags::UNEVEN_LIGHT), uneven, "{u_m}");
+    }
+    // Grazing light.
+    scene.others.clear();
+    scene.beam = Some(gaussian(0.4, -0.5, 0.35));
+    scene.daylight.gradient_per_m = [0.1, 0.0];
+    assert!(spot(&scene, 1).flags.contains(Flags::UNEVEN_LIGHT));
 }
 
 #[test]
@@ -156,7 +350,8 @@ fn claims_nothing_on_empty_targets() {
     let mut random = Random(99);
     let mut scratch = SpotScratch::default();
     let mut claims = Vec::new();
-    for seed in 0..1000 {
+    let mut unclear = 0;
+    for seed in 0..2000 {
         let mut scene = Scene::plain(BOARD, 170, 150).unwrap();
         scene.daylight.level = random.between(0.1, 0.8);
         scene.sensor.white_electrons = random.between(500.0, 1e4);
@@ -178,10 +373,13 @@ fn claims_nothing_on_empty_targets() {
         }
         let found = look(&scene, seed, &RobustOptions::default(), &mut scratch);
         assert_ne!(found.status, SpotStatus::NoTarget, "{seed}");
+        unclear += i32::from(found.status == SpotStatus::Unclear);
         if found.status.has_position() {
             claims.push((seed, scene.daylight));
         }
     }
+    println!("{unclear} of 2000 are unclear");
+    assert!(unclear <= 10, "{unclear}");
     assert!(claims.is_empty(), "{} {claims:?}", claims.len());
 }
 
@@ -193,6 +391,8 @@ fn stray_light_at_the_edge_is_no_spot() {
     let mut scratch = SpotScratch::default();
     let found = look(&scene, 3, &RobustOptions::default(), &mut scratch);
     assert_eq!(found.status, SpotStatus::Empty);
+    // Said to be empty, but not that nothing is to be seen.
+    assert!(found.flags.contains(Flags::CUT));
     let refusals: Vec<_> = scratch.candidates().map(|c| c.refused).collect();
     assert_eq!(refusals[0], Some(Refusal::GrowsOutwards));
     // And does not hide one, though it is brighter.
@@ -333,7 +533,12 @@ fn bad_options_and_targets_out_of_sight() {
         assert_eq!(found.status, SpotStatus::NoTarget, "{x}");
         assert!(found.u_m.is_nan());
     }
+    // Of a target whose corners are far outside the frame shows hardly anything.
+    let far = [[-5e3, -5e3], [5e3, -5e3], [5e3, 5e3], [-5e3, 5e3]];
+    let plane = Plane::new(BOARD, Corners::given(far, 0.0), None).unwrap();
+    let found = find_spot(view, &plane, &options, &mut scratch).unwrap();
+    assert_eq!(found.status, SpotStatus::NoTarget);
     let one = View::new(&pixels[..1], 1, 1).unwrap();
-    let found = find_spot(one, &plane(0.0), &options, &mut scratch).unwrap();
+    let found = find_spot(one, &plane, &options, &mut scratch).unwrap();
     assert_eq!(found.status, SpotStatus::NoTarget);
 }

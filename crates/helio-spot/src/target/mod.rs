@@ -116,7 +116,7 @@ impl Corners {
     pub fn with_survey(mut self, board: &Board, sigma_m: f64) -> Self {
         let side = |i: usize| {
             let [[ax, ay], [bx, by]] = [self.at_px[i], self.at_px[(i + 1) % 4]];
-            let metres = if i % 2 == 0 {
+            let metres = if i.is_multiple_of(2) {
                 board.width_m
             } else {
                 board.height_m

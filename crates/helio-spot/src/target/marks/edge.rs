@@ -21,6 +21,8 @@ pub(super) struct Line {
     slope: f64,
     /// Covariance of offset and slope: 00, 01, 11.
     spread: [f64; 3],
+    /// How far to both sides of `at` it was fitted.
+    half: f64,
 }
 
 impl Line {
@@ -88,6 +90,42 @@ impl Line {
             spread: [0, 1, 2].map(|k| 0.25 * (self.spread[k] + other.spread[k])),
             ..*self
         }
+    }
+
+    /// The straight line whose picture through a lens this one was fitted to; `undo` leads out of that picture.
+    ///
+    /// The picture bends; points of this line, led back, bend as much the other way, and the line fitted to them is the
+    /// one wanted but for terms of second order in the bend.
+    pub(super) fn unbent(&self, undo: impl Fn([f64; 2]) -> Option<[f64; 2]>) -> Option<Self> {
+        const POINTS: usize = 9;
+        let mut points = [[0.0; 2]; POINTS];
+        for (k, point) in points.iter_mut().enumerate() {
+            let x = self.half * (2.0 * k as f64 / (POINTS - 1) as f64 - 1.0);
+            *point = undo(place(self, x, self.offset + self.slope * x))?;
+        }
+        let at = [0, 1].map(|k| points.iter().map(|p| p[k]).sum::<f64>() / POINTS as f64);
+        let whole = minus(points[POINTS - 1], points[0]);
+        let along = whole.map(|c| c / size(whole));
+        let mut out = [along[1], -along[0]];
+        if out[0] * self.out[0] + out[1] * self.out[1] < 0.0 {
+            out = out.map(|c| -c);
+        }
+        let [mut xd, mut xx] = [0.0; 2];
+        for point in points {
+            let [p, q] = minus(point, at);
+            let x = p * along[0] + q * along[1];
+            xd += x * (p * out[0] + q * out[1]);
+            xx += x * x;
+        }
+        (xx > 0.0).then_some(Self {
+            at,
+            along,
+            out,
+            offset: 0.0,
+            slope: xd / xx,
+            half: 0.5 * size(whole),
+            ..*self
+        })
     }
 
     pub(super) fn shifted(&self, by: [f64; 2]) -> Self {
@@ -201,6 +239,7 @@ fn edge<P: Gray>(
         offset: 0.0,
         slope: 0.0,
         spread: [0.0; 3],
+        half,
     };
     let xs = (0..count).map(|k| k as f64 * spacing - half);
 

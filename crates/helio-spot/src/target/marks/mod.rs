@@ -1,11 +1,11 @@
 //! The black corner marks of a board, found without templates.
 //!
-//! 1. **Coarse** ([`coarse`]): means of square blocks; black top-hat (closing less picture) with a box wider than an arm
+//! 1. **Coarse** (`coarse`): means of square blocks; black top-hat (closing less picture) with a box wider than an arm
 //!    of a mark. It answers to dark things that are thin, whatever the light around them: the slopes of beams and the
 //!    edges of shadows do not answer. Connected dark cells are kept that have the outline of an L or a T.
-//! 2. **Fine** ([`edge`]): straight lines through the outer edges of both arms at full resolution; the corner is
+//! 2. **Fine** (`edge`): straight lines through the outer edges of both arms at full resolution; the corner is
 //!    where they cross.
-//! 3. **Together** ([`together`]): the four marks that agree with one picture of the board, by where they are, where
+//! 3. **Together** (`together`): the four marks that agree with one picture of the board, by where they are, where
 //!    their arms point and how long they are.
 //!
 //! If no four agree at one size of blocks, finer and coarser ones are tried.
@@ -16,7 +16,7 @@ mod edge;
 mod tests;
 mod together;
 
-use super::{Board, Corners, CornersError, Marks};
+use super::{Board, Corners, CornersError, Lens, Marks};
 use crate::image::{Gray, View};
 
 pub use coarse::MarkScratch;
@@ -34,6 +34,9 @@ pub struct FindOptions {
     /// Give up where one mark is not seen. Otherwise its corner is where the arms of its neighbours point, with
     /// `seen` false and an uncertainty to match, provided that the three others agree.
     pub all_four: bool,
+    /// The camera's lens, where its distortion is known: marks are then put together in a perfect lens's picture. The
+    /// corners are still those of the picture taken.
+    pub lens: Option<Lens>,
 }
 
 /// Where corners should be.
@@ -177,11 +180,69 @@ impl Mark {
     }
 }
 
+/// The way between the view that is looked at and the picture in which marks are put together: the view itself, or
+/// the whole picture of a perfect lens.
+#[derive(Debug, Clone, Copy)]
+struct Way {
+    lens: Option<Lens>,
+    /// First pixel of the view.
+    shift_px: [f64; 2],
+}
+
+impl Way {
+    fn perfect(&self, seen_px: [f64; 2]) -> Option<[f64; 2]> {
+        let Some(lens) = &self.lens else {
+            return Some(seen_px);
+        };
+        lens.undistort([0, 1].map(|k| seen_px[k] + self.shift_px[k]))
+            .ok()
+    }
+
+    fn seen(&self, perfect_px: [f64; 2]) -> [f64; 2] {
+        let Some(lens) = &self.lens else {
+            return perfect_px;
+        };
+        let taken = lens.distort(perfect_px);
+        [0, 1].map(|k| taken[k] - self.shift_px[k])
+    }
+
+    fn perfect_mark(&self, mark: Mark) -> Option<Mark> {
+        if self.lens.is_none() {
+            return Some(mark);
+        }
+        let [right, down] = mark.lines.map(|line| line.unbent(|p| self.perfect(p)));
+        let lines = [right?, down?];
+        let (corner_px, _) = lines[0].crossing(&lines[1])?;
+        let [upper, lower] = mark.down_ends_px.map(|p| {
+            // The end of an L is its corner.
+            if p == mark.corner_px {
+                Some(corner_px)
+            } else {
+                self.perfect(p)
+            }
+        });
+        Some(Mark {
+            corner_px,
+            lines,
+            right_tip_px: self.perfect(mark.right_tip_px)?,
+            down_ends_px: [upper?, lower?],
+            ..mark
+        })
+    }
+
+    fn seen_corners(&self, mut corners: Corners) -> Corners {
+        corners.at_px = corners.at_px.map(|at| self.seen(at));
+        corners
+    }
+}
+
 /// Looks for the corner marks of a board.
 ///
 /// The marks are darker than the board around them, have straight arms at least twice as long as wide, the same size
-/// in all corners, and at least a few pixels of board around them. The picture may be rolled by 15° and the board
-/// tilted by 30°; arms may be 2.5 px wide or wider. Marks cut by the frame's edge are not seen.
+/// in all corners, and at least a few pixels of board around them. The picture may be rolled by 25°, or the board be
+/// turned or tilted by 40°, or rolled by 10° and both turned and tilted by 25°; arms may be 2.5 px wide or wider. Marks
+/// cut by the frame's edge are not seen. Distortion beyond k1 = -0.2 or so, at a focal length of the picture's width, wants
+/// [`FindOptions::lens`].
 ///
 /// Each corner's uncertainty is that of the lines fitted to the arms' edges.
 ///
@@ -200,6 +261,14 @@ pub fn find_corners<P: Gray>(
     }
     let (view, shift_px) = near(view, options.expected.as_ref())?;
     let size_px = [view.width(), view.height()].map(|n| n as f64);
+    let way = Way {
+        lens: options.lens,
+        shift_px,
+    };
+    let is_seen = |perfect_px| {
+        let at = way.seen(perfect_px);
+        (0..2).all(|k| at[k] > -0.5 && at[k] < size_px[k] - 0.5)
+    };
     let expected = options.expected.as_ref().map(|e| Expected {
         at_px: e.at_px.map(|p| [p[0] - shift_px[0], p[1] - shift_px[1]]),
         within_px: e.within_px,
@@ -207,37 +276,36 @@ pub fn find_corners<P: Gray>(
     let mut found = [false; 4];
     for cell in coarse::cells(view.width(), view.height()) {
         let mut marks: [Vec<Mark>; 4] = Default::default();
-        collect(
-            view,
-            [0.0; 2],
-            cell,
+        let wanted = Wanted {
             board,
-            expected.as_ref(),
-            scratch,
-            &mut marks,
-        );
+            expected: expected.as_ref(),
+            way: &way,
+        };
+        collect(view, [0.0; 2], cell, &wanted, scratch, &mut marks);
         for (seen, list) in found.iter_mut().zip(&marks) {
             *seen |= !list.is_empty();
         }
         let mut four = together::four(&marks, board);
         let mut three = None;
         if matches!(four, Four::None) {
-            three = together::three(&marks, board, size_px);
+            three = together::three(&marks, board, is_seen)
+                .map(|(hidden, corners)| (hidden, way.seen_corners(corners)));
         }
         if let Some((hidden, corners)) = &three {
             // Once more where the fourth should be: a mark that the blocks were too coarse for, or too noisy.
             if let Some((part, first_px)) = around(view, corners.at_px[*hidden], &marks, *hidden) {
                 for cell in [cell / 2, 2 * cell] {
                     if cell > 0 && matches!(four, Four::None) {
-                        let expected = expected.as_ref();
-                        collect(part, first_px, cell, board, expected, scratch, &mut marks);
+                        collect(part, first_px, cell, &wanted, scratch, &mut marks);
                         four = together::four(&marks, board);
                     }
                 }
             }
         }
         match (four, three) {
-            (Four::One(corners), _) => return Ok(shifted(corners, shift_px)),
+            (Four::One(corners), _) => {
+                return Ok(shifted(way.seen_corners(corners), shift_px));
+            }
             (Four::Several, _) => return Err(CornersError::SeveralBoards),
             (Four::None, Some((hidden, corners))) => {
                 if options.all_four {
@@ -253,28 +321,38 @@ pub fn find_corners<P: Gray>(
     Err(CornersError::NoMarks { found })
 }
 
+/// Which marks are looked for.
+struct Wanted<'a> {
+    board: &'a Board,
+    expected: Option<&'a Expected>,
+    way: &'a Way,
+}
+
 /// Adds the marks in a part of the picture that begins at `first_px`.
 fn collect<P: Gray>(
     part: View<'_, P>,
     first_px: [f64; 2],
     cell: usize,
-    board: &Board,
-    expected: Option<&Expected>,
+    wanted: &Wanted<'_>,
     scratch: &mut MarkScratch,
     marks: &mut [Vec<Mark>; 4],
 ) {
-    for candidate in &coarse::candidates(part, cell, board.marks, scratch) {
+    let marks_of = wanted.board.marks;
+    for candidate in &coarse::candidates(part, cell, marks_of, scratch) {
         let Some(mark) = edge::refine(part, candidate) else {
             continue;
         };
         let mark = mark.shifted(first_px);
         let [x, y] = mark.corner_px;
+        let Some(mark) = wanted.way.perfect_mark(mark) else {
+            continue;
+        };
         for (corner, list) in marks.iter_mut().enumerate() {
-            let wanted = expected.is_none_or(|e| {
+            let near = wanted.expected.is_none_or(|e| {
                 let [ex, ey] = e.at_px[corner];
                 (x - ex).hypot(y - ey) <= e.within_px
             });
-            if wanted && Kind::of(board.marks, corner) == candidate.kind {
+            if near && Kind::of(marks_of, corner) == candidate.kind {
                 list.push(mark);
             }
         }

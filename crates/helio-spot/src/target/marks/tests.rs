@@ -706,3 +706,133 @@ fn corners_make_a_plane() {
     let sigma_m = plane.covariance_m2(view.see([0.5, -1.2])).unwrap()[0][0].sqrt();
     assert!(sigma_m > 1e-5 && sigma_m < 2e-3, "{sigma_m}");
 }
+
+/// Through a lens that bends the board's sides by many pixels, marks are put together as a perfect lens would show
+/// them, and corners are where the lens pictures them.
+#[test]
+fn lenses_that_bend_the_board() {
+    use crate::simulate::Scene;
+    use crate::target::LensValues;
+    let mut scratch = MarkScratch::default();
+    let (mut squares, mut count, mut largest) = (0.0, 0.0, 0.0_f64);
+    for (marks, seed) in [(Marks::FourCorners, 1), (Marks::TwoPanelLower, 2)] {
+        for [width, height] in [[768, 576], [1000, 750]] {
+            for k1 in [-0.3, 0.2] {
+                let board = Board {
+                    width_m: 8.0,
+                    height_m: 7.0,
+                    marks,
+                };
+                let lens = Lens::new(LensValues {
+                    fx_px: width as f64,
+                    fy_px: 1.01 * width as f64,
+                    cx_px: 0.5 * width as f64 + 7.0,
+                    cy_px: 0.5 * height as f64 - 4.0,
+                    k1,
+                    p1: 0.001,
+                    ..LensValues::default()
+                })
+                .unwrap();
+                let plain = Scene::plain(board, width, height).unwrap();
+                let scene = Scene {
+                    camera: plain.camera.with_lens(lens),
+                    ..plain
+                };
+                let simulated = scene.render(seed).unwrap();
+                let crate::Frame::Gray8(picture) = &simulated.frame else {
+                    panic!("8 bit");
+                };
+                let wanted = simulated.truth.corners_px;
+                let options = FindOptions {
+                    lens: Some(lens),
+                    ..FindOptions::default()
+                };
+                let here = format!("{marks:?} {width} {k1}");
+                let mut look = |options: &FindOptions| {
+                    find_corners(picture.view(), &board, options, &mut scratch)
+                };
+                let found = look(&options).unwrap_or_else(|e| panic!("{here}: {e}"));
+                assert_eq!(found.seen, [true; 4], "{here}");
+                // And looked for near where they are, in a part of the picture.
+                let near = look(&FindOptions {
+                    expected: Some(Expected {
+                        at_px: wanted,
+                        within_px: 12.0,
+                    }),
+                    ..options
+                })
+                .unwrap();
+                for corners in [found, near] {
+                    for ((at, to), sigma) in corners.at_px.iter().zip(wanted).zip(corners.sigma_px)
+                    {
+                        for off in [at[0] - to[0], at[1] - to[1]] {
+                            largest = largest.max(off.abs());
+                            squares += (off / sigma).powi(2);
+                            count += 1.0;
+                        }
+                    }
+                }
+                if k1 == -0.3 && marks == Marks::FourCorners {
+                    assert!(look(&FindOptions::default()).is_err(), "{here}");
+                }
+            }
+        }
+    }
+    let rms = f64::sqrt(squares / count);
+    println!(
+        "{count} coordinates: largest {largest:.3} px, rms {rms:.2} of their standard deviation"
+    );
+    assert!(largest < 0.3 && rms < 1.5, "{largest} {rms}");
+}
+
+/// A hidden corner follows from the three others through the lens too.
+#[test]
+fn a_hidden_mark_behind_a_lens() {
+    use crate::simulate::Scene;
+    use crate::target::LensValues;
+    let board = Board {
+        width_m: 8.0,
+        height_m: 7.0,
+        marks: Marks::FourCorners,
+    };
+    let lens = Lens::new(LensValues {
+        fx_px: 1000.0,
+        fy_px: 1000.0,
+        cx_px: 499.5,
+        cy_px: 374.5,
+        k1: -0.25,
+        ..LensValues::default()
+    })
+    .unwrap();
+    let plain = Scene::plain(board, 1000, 750).unwrap();
+    let scene = Scene {
+        camera: plain.camera.with_lens(lens),
+        ..plain
+    };
+    let simulated = scene.render(3).unwrap();
+    let crate::Frame::Gray8(picture) = simulated.frame else {
+        panic!("8 bit");
+    };
+    let wanted = simulated.truth.corners_px;
+    let plain: Vec<u8> = picture.view().rows().flatten().copied().collect();
+    let options = FindOptions {
+        lens: Some(lens),
+        ..FindOptions::default()
+    };
+    for (hidden, [x, y]) in wanted.into_iter().enumerate() {
+        let mut covered = plain.clone();
+        for (k, value) in covered.iter_mut().enumerate() {
+            if ((k % 1000) as f64 - x).hypot((k / 1000) as f64 - y) < 145.0 {
+                *value = 255;
+            }
+        }
+        let covered = Picture::new(covered, 1000, 750).unwrap();
+        let mut scratch = MarkScratch::default();
+        let found = find_corners(covered.view(), &board, &options, &mut scratch).unwrap();
+        assert!(!found.seen[hidden]);
+        let [dx, dy] = [found.at_px[hidden][0] - x, found.at_px[hidden][1] - y];
+        let sigma = found.sigma_px[hidden];
+        println!("{hidden}: {dx:.2} {dy:.2} px, sigma {sigma:.2}");
+        assert!(dx.hypot(dy) < 4.0 * sigma, "{hidden}: {dx} {dy} {sigma}");
+    }
+}

@@ -64,11 +64,12 @@ pub(super) fn four(lists: &[Vec<Mark>; 4], board: &Board) -> Four {
     Four::One(*corners)
 }
 
-/// The three marks that agree best, and the number of the fourth corner, which is where its neighbours' arms point.
+/// The three marks that agree best, and the number of the fourth corner, which is where its neighbours' arms point and
+/// must be a place that `is_seen` has in the picture.
 pub(super) fn three(
     lists: &[Vec<Mark>; 4],
     board: &Board,
-    size_px: [f64; 2],
+    is_seen: impl Fn([f64; 2]) -> bool,
 ) -> Option<(usize, Corners)> {
     let mut best: Option<(f64, usize, Corners)> = None;
     for hidden in 0..4 {
@@ -99,8 +100,7 @@ pub(super) fn three(
                         seen: marks.map(|m| m.is_some()),
                         marks: Some(size),
                     };
-                    let within = (0..2).all(|k| at[k] > -0.5 && at[k] < size_px[k] - 0.5);
-                    if within && best.as_ref().is_none_or(|b| score < b.0) {
+                    if is_seen(at) && best.as_ref().is_none_or(|b| score < b.0) {
                         best = Some((score, hidden, corners));
                     }
                 }
