@@ -6,6 +6,9 @@ const LAGS: usize = 64;
 /// Sokal's rule (1997, *Monte Carlo methods in statistical mechanics*, §3), there 6 correlation times.
 const WINDOW: f64 = 3.0;
 
+/// Of a lag that has less than one in so many of the pairs at none, nothing is known.
+const FEW_PAIRS: f64 = 50.0;
+
 /// How much less the mean of correlated values tells.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct DesignEffect {
@@ -22,7 +25,9 @@ pub(super) struct DesignEffect {
 /// without a value. The variance of the mean is (1/n²) Σ C(tᵢ − tⱼ) over all pairs of values, whose
 /// autocovariances C, of pairs at the same time too, are summed up to a window that the data choose; for the sample mean taken out it is
 /// corrected as by Wolff (2004, Comput. Phys. Commun. 156:143, eq. 49). Long windows are summed over cells of 2,
-/// 4, 8 … steps, which only groups the same pairs: the cost is some 128 products a value.
+/// 4, 8 … steps, which only groups the same pairs: the cost is some 128 products a value. The window is one of time, by
+/// what the correlation would be without gaps: over lags that hardly any pairs have it is taken to stay as it was before
+/// them, so that frames in bursts do not end the sum within one.
 pub(super) fn design_effect(ticks: &[i64], values: &[f64]) -> DesignEffect {
     let n = values.len() as f64;
     let untold = DesignEffect {
@@ -43,20 +48,28 @@ pub(super) fn design_effect(ticks: &[i64], values: &[f64]) -> DesignEffect {
     let step = median_step(ticks.windows(2).map(|pair| pair[1].saturating_sub(pair[0])));
     let step = step.unwrap_or(1);
     let cell = |tick: i64| tick.div_euclid(step);
-    let values = values.iter().map(|value| value - mean);
+    let values = values.iter().map(|value| (value - mean, 1.0));
     let mut cells = cells(ticks.iter().map(|&tick| cell(tick)).zip(values));
     let mut width = 1.0;
     // Values of one time are one value, whatever chance makes of the lags beyond.
-    let alone: f64 = cells.iter().map(|(_, sum)| sum * sum).sum();
+    let alone: f64 = cells.iter().map(|(_, (sum, _))| sum * sum).sum();
     let least = (alone / squares).max(1.0);
-    while cells.len() > 1 && 2.0 * width < n {
-        let sums = products(&cells);
+    while let ([(first, _), .., (last, _)], true) = (&cells[..], 2.0 * width < n) {
+        let span = last.saturating_sub(*first).saturating_add(1) as f64;
+        let (sums, pairs) = products(&cells);
         let mut effect = sums[0];
+        let mut correlation = sums[0] / pairs[0] * n / squares;
+        // what as many values without gaps would have
+        let mut gapless = width * correlation;
         for (lag, product) in sums.iter().enumerate().skip(1) {
             effect += 2.0 * product;
+            if FEW_PAIRS * pairs[lag] >= pairs[0] {
+                correlation = product / pairs[lag] * n / squares;
+            }
+            gapless += 2.0 * width * correlation * (1.0 - lag as f64 / span).max(0.0);
             let relative = (effect / squares).max(least);
-            if lag as f64 * width >= WINDOW * relative {
-                let covered = (2.0 * lag as f64 + 1.0) * width / n;
+            if lag as f64 * width >= WINDOW * relative.max(gapless) {
+                let covered = (2.0 * lag as f64 + 1.0) / span;
                 // A window as long as the record has the mean's own error for a result.
                 if covered > 0.5 {
                     return untold;
@@ -67,7 +80,7 @@ pub(super) fn design_effect(ticks: &[i64], values: &[f64]) -> DesignEffect {
                 };
             }
         }
-        cells = self::cells(cells.iter().map(|&(tick, sum)| (tick.div_euclid(2), sum)));
+        cells = self::cells(cells.iter().map(|&(tick, of)| (tick.div_euclid(2), of)));
         width *= 2.0;
     }
     untold
@@ -80,31 +93,40 @@ pub(super) fn median_step(steps: impl Iterator<Item = i64>) -> Option<i64> {
     Some(*steps.select_nth_unstable(middle).1)
 }
 
+/// A sum of values, and of how many.
+type Cell = (i64, (f64, f64));
+
 /// Sums of the values of each tick.
-fn cells(values: impl Iterator<Item = (i64, f64)>) -> Vec<(i64, f64)> {
-    let mut cells: Vec<(i64, f64)> = Vec::with_capacity(values.size_hint().0);
-    for (tick, value) in values {
+fn cells(values: impl Iterator<Item = Cell>) -> Vec<Cell> {
+    let mut cells: Vec<Cell> = Vec::with_capacity(values.size_hint().0);
+    for (tick, (value, count)) in values {
         match cells.last_mut() {
-            Some((last, sum)) if *last == tick => *sum += value,
-            _ => cells.push((tick, value)),
+            Some((last, (sum, all))) if *last == tick => {
+                *sum += value;
+                *all += count;
+            }
+            _ => cells.push((tick, (value, count))),
         }
     }
     cells
 }
 
-/// Products of cells at distance 0, 1, … summed.
-fn products(cells: &[(i64, f64)]) -> [f64; LAGS + 1] {
-    let mut sums = [0.0; LAGS + 1];
-    for (i, &(tick, value)) in cells.iter().enumerate() {
-        for &(later, other) in cells[i..].iter().take(LAGS + 1) {
+/// Products of cells at distance 0, 1, … summed, and how many pairs of values these are.
+fn products(cells: &[Cell]) -> ([f64; LAGS + 1], [f64; LAGS + 1]) {
+    let (mut sums, mut pairs) = ([0.0; LAGS + 1], [0.0; LAGS + 1]);
+    for (i, &(tick, (value, count))) in cells.iter().enumerate() {
+        for &(later, (other, others)) in cells[i..].iter().take(LAGS + 1) {
             let lag = later.saturating_sub(tick);
             match usize::try_from(lag) {
-                Ok(lag) if lag <= LAGS => sums[lag] += value * other,
+                Ok(lag) if lag <= LAGS => {
+                    sums[lag] += value * other;
+                    pairs[lag] += count * others;
+                }
                 _ => break,
             }
         }
     }
-    sums
+    (sums, pairs)
 }
 
 #[cfg(test)]
@@ -149,6 +171,29 @@ mod tests {
         let got = design_effect(&ticks, &thinned).factor;
         let truth = (1.0 + phi) / (1.0 - phi);
         assert!((got / truth - 1.0).abs() < 0.1, "{got} {truth}");
+    }
+
+    /// Three frames of every 25 of a slow swing: the effect is (1/n) Σ ρ over all pairs, summed here one by one.
+    #[test]
+    fn frames_in_bursts_tell_little() {
+        let phi = 0.98_f64;
+        let mut sum = 0.0;
+        for seed in 0..8 {
+            let all = series(phi, 200_000, &mut Dice::new(seed));
+            let ticks: Vec<i64> = (0..200_000).filter(|i| i % 25 < 3).collect();
+            let values: Vec<f64> = ticks.iter().map(|&i| all[i as usize]).collect();
+            sum += design_effect(&ticks, &values).factor;
+        }
+        let of_pair = |a: i64, b: i64| phi.powf((a - b).abs() as f64);
+        let others = (-40..=40).flat_map(|burst| (0..3).map(move |i| 25 * burst + i));
+        let truth: f64 = others
+            .map(|other| (0..3).map(|i| of_pair(i, other)).sum::<f64>() / 3.0)
+            .sum();
+        assert!(
+            (sum / 8.0 / truth - 1.0).abs() < 0.1,
+            "{} {truth}",
+            sum / 8.0
+        );
     }
 
     /// Values that stand twice tell no more than once, whatever the chance correlation of the lags is.
