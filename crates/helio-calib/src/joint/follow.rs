@@ -236,19 +236,31 @@ impl JointFit {
             .zip(&self.heliostats)
             .enumerate()
             .map(|(k, (id, posterior))| {
-                let mut account = Account::new(self.belief(k));
-                account.drift.unbelieved = posterior.unbelieved_last;
-                account.lately = posterior.lately;
+                let (accounts, undecided) = match self.open.get(&k) {
+                    Some(open) => (open.accounts.clone(), open.days.clone()),
+                    None => {
+                        let mut account = Account::new(self.belief(k));
+                        account.drift.unbelieved = posterior.unbelieved_last;
+                        account.lately = posterior.lately;
+                        (vec![account], Vec::new())
+                    }
+                };
+                // those in doubt are the likeliest account's to count
+                let in_doubt = accounts.first().map(|account| &account.marks);
+                let [outliers, jumps] = in_doubt
+                    .map_or([0; 2], |marks| [marks.outliers.len(), marks.jumps.len()]);
+                let outliers = posterior.outliers.len() - outliers;
+                let certain = &posterior.jumps[..posterior.jumps.len() - jumps];
                 Followed {
                     id: id.clone(),
                     last_day: posterior.last_day,
                     records: posterior.records as u64,
                     misses: posterior.misses.len() as u64,
-                    outliers: posterior.outliers.len() as u64,
-                    jump_count: posterior.jumps.len() as u64,
-                    jumps: last_jumps(posterior.jumps.iter().map(|(_, jump)| *jump).collect()),
-                    accounts: vec![account],
-                    undecided: Vec::new(),
+                    outliers: outliers as u64,
+                    jump_count: certain.len() as u64,
+                    jumps: last_jumps(certain.iter().map(|(_, jump)| *jump).collect()),
+                    accounts,
+                    undecided,
                 }
             })
             .collect();
@@ -817,13 +829,7 @@ impl Followed {
 
     /// What is believed under all accounts together, by their likelihood: with its mean and its covariance.
     pub(super) fn belief(&self, common: &Common) -> Cow<'_, Belief<f64>> {
-        if let [only] = &self.accounts[..] {
-            return Cow::Borrowed(&only.belief);
-        }
-        let beliefs: Vec<&Belief<f64>> = self.accounts.iter().map(|a| &a.belief).collect();
-        let likelihoods = self.accounts.iter().map(|a| libm::exp(a.log_likelihood));
-        let likelihoods: Vec<f64> = likelihoods.collect();
-        Cow::Owned(common.mixture(&beliefs, &likelihoods))
+        mixture_of(&self.accounts, common)
     }
 
     /// Where one account alone is left, what was undecided is decided.
@@ -844,4 +850,15 @@ impl Followed {
         let told = core::mem::replace(&mut only.told, Told::nothing(shape));
         (!self.unfit()).then(|| Sum::new(told, 0.0))
     }
+}
+
+/// What is believed under all accounts together, by their likelihood: with its mean and its covariance.
+pub(super) fn mixture_of<'a>(accounts: &'a [Account], common: &Common) -> Cow<'a, Belief<f64>> {
+    if let [only] = accounts {
+        return Cow::Borrowed(&only.belief);
+    }
+    let beliefs: Vec<&Belief<f64>> = accounts.iter().map(|a| &a.belief).collect();
+    let likelihoods = accounts.iter().map(|a| libm::exp(a.log_likelihood));
+    let likelihoods: Vec<f64> = likelihoods.collect();
+    Cow::Owned(common.mixture(&beliefs, &likelihoods))
 }

@@ -3,6 +3,8 @@
 //! The filter of [`belief`](super::belief), begun at what is expected of the common unknowns and not at zero, so
 //! that surprises need no common unknowns.
 
+use core::ops::Range;
+
 use faer::prelude::Solve;
 use faer::{Mat, Side};
 use helio_core::lanes::{BLOCK, Columns, Kernel, Lanes, run};
@@ -316,9 +318,20 @@ impl Group {
         self.rows.chunks_exact(shape.row()).map(of_row).collect()
     }
 
-    /// The first linearised records of a heliostat by themselves, one after the other.
-    pub fn records_of(&self, shape: Shape, lane: usize, count: usize) -> Vec<f64> {
-        let wanted = self.rows[..count * shape.row()].iter();
+    /// Takes the records of a heliostat from one on for ones that tell nothing, at the time of the one before.
+    pub fn end(&mut self, shape: Shape, lane: usize, from: usize) {
+        let rest = shape.row() - column::REST;
+        for row in self.rows.chunks_exact_mut(shape.row()).skip(from) {
+            row[rest + column::SILENT][lane] = 1.0;
+            for k in [column::DAYS, column::JUMP, column::JUMP + 1] {
+                row[rest + k][lane] = 0.0;
+            }
+        }
+    }
+
+    /// Linearised records of a heliostat by themselves, one after the other.
+    pub fn records_of(&self, shape: Shape, lane: usize, records: Range<usize>) -> Vec<f64> {
+        let wanted = self.rows[records.start * shape.row()..records.end * shape.row()].iter();
         wanted.map(|values| values[lane]).collect()
     }
 
@@ -1139,7 +1152,7 @@ mod tests {
             }
             near(
                 "rows",
-                &group.records_of(shape, lane, rows.len()),
+                &group.records_of(shape, lane, 0..rows.len()),
                 &rows.numbers,
             );
             let mut belief = Belief::of_field(shape, &hyper.spread, &rates);

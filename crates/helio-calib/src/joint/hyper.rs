@@ -161,6 +161,37 @@ impl Marks {
         odd
     }
 
+    /// Those of records before one.
+    pub fn until(&self, end: usize) -> Self {
+        end.checked_sub(1).map_or_else(Self::default, |last| self.before(last))
+    }
+
+    /// Those of one record and the ones after it.
+    pub fn from(&self, first: usize) -> Self {
+        let outliers = self.outliers.iter().filter(|k| **k >= first);
+        let jumps = self.jumps.iter().filter(|(k, _)| *k >= first);
+        Self {
+            outliers: outliers.copied().collect(),
+            jumps: jumps.copied().collect(),
+        }
+    }
+
+    /// The same with records counted otherwise: of each its number there.
+    pub fn numbered(&self, numbers: &[usize]) -> Self {
+        let jumps = self.jumps.iter();
+        Self {
+            outliers: self.outliers.iter().map(|&k| numbers[k]).collect(),
+            jumps: jumps.map(|&(k, axis)| (numbers[k], axis)).collect(),
+        }
+    }
+
+    /// With those of later records.
+    pub fn and(mut self, later: Self) -> Self {
+        self.outliers.extend(later.outliers);
+        self.jumps.extend(later.jumps);
+        self
+    }
+
     /// Those of records up to one.
     pub fn before(&self, last: usize) -> Self {
         let outliers = self.outliers.iter().filter(|k| **k <= last);

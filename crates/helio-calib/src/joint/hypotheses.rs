@@ -42,6 +42,9 @@ const JUMPS: [([bool; 2], f64); 3] = [
     ([false, true], 0.4),
     ([true, true], 0.2),
 ];
+/// How far, in the size that is stated for jumps, and how likely it is that one is of that size: a drive that loses its
+/// reference altogether stands anywhere.
+const SIZES: [(f64, f64); 2] = [(1.0, 0.9), (5.0, 0.1)];
 /// Variance of what was expected, of that of spots in wrong places, above which a record may be one however near it lies.
 const VAGUE: f64 = 0.02;
 /// Accounts carried on at most.
@@ -114,11 +117,11 @@ impl Account {
 }
 
 /// What may have become of a record.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Kind {
     Truth,
-    /// Of the first axis, of the second, or of both.
-    Jump([bool; 2]),
+    /// Of the first axis, of the second, or of both; how far in the size that is stated for jumps.
+    Jump([bool; 2], f64),
     Outlier,
 }
 
@@ -207,14 +210,9 @@ impl Mishaps {
     }
 
     /// Variances by which zero points are known the less after a jump \[mrad²\].
-    pub(super) fn jumped(&self, axes: [bool; 2]) -> [f64; 2] {
-        axes.map(|it| {
-            if it {
-                self.jump_mrad * self.jump_mrad
-            } else {
-                0.0
-            }
-        })
+    pub(super) fn jumped(&self, axes: [bool; 2], size: f64) -> [f64; 2] {
+        let far = size * self.jump_mrad;
+        axes.map(|it| if it { far * far } else { 0.0 })
     }
 
     /// What may have become of a record under one account; `slopes` are those of the references.
@@ -225,22 +223,27 @@ impl Mishaps {
         slopes: [[f64; 2]; 2],
         out: &mut Vec<Candidate>,
     ) {
-        let mut put = |kind: Kind, prior: f64, held: &Held| {
-            out.push(Candidate {
-                parent,
-                kind,
-                log_likelihood: log_likelihood + libm::log(prior) + held.log_density(),
-            });
+        let candidate = |kind: Kind, prior: f64, held: &Held| Candidate {
+            parent,
+            kind,
+            log_likelihood: log_likelihood + libm::log(prior) + held.log_density(),
         };
         let [a, b, c] = held.covariance;
         if self.doubts(square, held.determinant()) {
             if square > DOUBTFUL {
                 for (axes, share) in JUMPS {
-                    let mut jumped = *held;
-                    for (slope, variance) in slopes.into_iter().zip(self.jumped(axes)) {
-                        jumped = jumped.loosened(slope, variance);
-                    }
-                    put(Kind::Jump(axes), share * self.jump, &jumped);
+                    // of either size: the likelier one stands for both
+                    let each = SIZES.map(|(size, of_size)| {
+                        let mut jumped = *held;
+                        for (slope, variance) in slopes.into_iter().zip(self.jumped(axes, size)) {
+                            jumped = jumped.loosened(slope, variance);
+                        }
+                        let prior = share * of_size * self.jump;
+                        candidate(Kind::Jump(axes, size), prior, &jumped)
+                    });
+                    let [near, far] = each;
+                    let farther = far.log_likelihood > near.log_likelihood;
+                    out.push(if farther { far } else { near });
                 }
             }
             let scatter = self.outlier_mrad * self.outlier_mrad;
@@ -248,9 +251,9 @@ impl Mishaps {
                 covariance: [a + scatter, b, c + scatter],
                 left: held.left,
             };
-            put(Kind::Outlier, self.outlier, &anywhere);
+            out.push(candidate(Kind::Outlier, self.outlier, &anywhere));
         }
-        put(Kind::Truth, 1.0 - self.outlier - self.jump, held);
+        out.push(candidate(Kind::Truth, 1.0 - self.outlier - self.jump, held));
     }
 }
 
@@ -266,7 +269,7 @@ pub(super) fn chosen(candidates: &mut Vec<Candidate>) {
 }
 
 /// Records after which what an account says of one is no longer in question.
-const DECIDED_AFTER: usize = 6;
+pub(super) const DECIDED_AFTER: usize = 6;
 
 /// Gives up accounts that say otherwise than the likeliest, which is the first, of records that are long past;
 /// `k` is the last.
@@ -330,8 +333,8 @@ pub(super) fn told_by(
                 account.unbelieved();
                 account.marks.outliers.push(k);
             }
-            Kind::Jump(axes) => {
-                account.belief.loosen(mishaps.jumped(axes));
+            Kind::Jump(axes, size) => {
+                account.belief.loosen(mishaps.jumped(axes, size));
                 let mut room = Room::of(account.belief.shape);
                 let surprise = account.belief.weigh(row, rates, &common.mean, &mut room);
                 let told = &mut account.told;

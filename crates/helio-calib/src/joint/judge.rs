@@ -218,8 +218,8 @@ impl Kernel for Records<'_> {
                 match candidate.kind {
                     Kind::Truth => continue,
                     Kind::Outlier => live[lane] = 0.0,
-                    Kind::Jump(axes) => {
-                        for (to, variance) in jumped.iter_mut().zip(mishaps.jumped(axes)) {
+                    Kind::Jump(axes, size) => {
+                        for (to, variance) in jumped.iter_mut().zip(mishaps.jumped(axes, size)) {
                             to[lane] = variance;
                         }
                     }
@@ -253,7 +253,7 @@ impl Kernel for Records<'_> {
             match event.kind {
                 Kind::Truth => {}
                 Kind::Outlier => marks.outliers.push(event.record),
-                Kind::Jump(axes) => {
+                Kind::Jump(axes, _) => {
                     let each = [1, 0].into_iter().filter(|&axis| axes[axis]);
                     marks.jumps.extend(each.map(|axis| (event.record, axis)));
                 }

@@ -22,6 +22,7 @@ mod judge;
 mod leftovers;
 mod parts;
 mod plan;
+mod reopen;
 mod rows;
 pub mod simulate;
 mod terms;
@@ -57,6 +58,7 @@ pub use parts::{AccountParts, HeliostatParts, StateParts};
 use parts::{check_latitude, check_mishaps, demand};
 pub use plan::NO_TARGET;
 pub use rows::DAY_NS;
+use reopen::Open;
 use rows::{ANGLES, MILLI, Structure, filter_unit, in_time, pole, usable};
 pub use terms::{AxisCause, Cause, Description, Scope, SpotCause};
 use watch::moves_on;
@@ -179,6 +181,8 @@ pub struct JointFit {
     pub heliostats: Vec<Posterior>,
     /// What is known of them as a function of what is common, eight by eight in another order.
     known: Vec<Beliefs>,
+    /// Those of whose last records more than one account is left, or another than their group's.
+    open: BTreeMap<usize, Open>,
     /// Where each stands there: group times eight, and lane.
     place: Vec<usize>,
     structure: Structure,
@@ -321,7 +325,7 @@ fn fit_at(
         }
         if pass == expansions {
             let likelihood = minus_log_likelihood(&sample, &work.hyper, &work.prior_sigma);
-            return Ok(work.finish(known, decided, likelihood));
+            return Ok(work.finish(&places, known, decided, likelihood));
         }
         let order = core::mem::take(&mut work.order);
         work.move_on(&mut places, &known, &order, &mut decided);
@@ -363,6 +367,9 @@ fn alike(campaigns: &[Campaign<'_>], heliostats: &mut [usize]) {
 impl JointFit {
     /// What is known of heliostat `k` as a function of what is common.
     fn belief(&self, k: usize) -> Belief<f64> {
+        if let Some(open) = self.open.get(&k) {
+            return open.belief.clone();
+        }
         let (group, lane) = (self.place[k] / BLOCK, self.place[k] % BLOCK);
         self.known[group].belief(self.structure.shape(), lane)
     }
@@ -538,7 +545,7 @@ impl<'a> Work<'a> {
             mishaps,
         };
         let count = self.campaigns[k].observations.len();
-        let rows = group.records_of(judge.shape, lane, count);
+        let rows = group.records_of(judge.shape, lane, 0..count);
         let marks = judge.marks(self.level, &rows, last);
         group.mark(judge.shape, lane, &marks, mishaps.jump_mrad);
         marks
@@ -868,8 +875,18 @@ impl<'a> Work<'a> {
         }
     }
 
-    fn finish(self, known: Vec<Beliefs>, mut marks: Decided, likelihood: f64) -> JointFit {
+    fn finish(
+        self,
+        places: &Places,
+        known: Vec<Beliefs>,
+        mut marks: Decided,
+        likelihood: f64,
+    ) -> JointFit {
         let Shape { still, .. } = self.shape;
+        let open = self.reopen(places, &known, &marks);
+        for (&k, open) in &open {
+            marks.insert(k, open.marks.clone());
+        }
         let square = MILLI * MILLI;
         let spread: Vec<f64> = (0..still * still)
             .map(|k| {
@@ -929,6 +946,18 @@ impl<'a> Work<'a> {
             }
         }
         let mut heliostats: Vec<Posterior> = heliostats.into_iter().flatten().collect();
+        for (&k, open) in &open {
+            let mean = self.common.mean_of(&open.belief);
+            let covariance = self.common.covariance_of(&open.belief);
+            let posterior = &mut heliostats[k];
+            for (to, from) in posterior.still.iter_mut().zip(&mean) {
+                *to = from / MILLI;
+            }
+            for (to, from) in posterior.wandering.iter_mut().zip(&mean[still..]) {
+                *to = from / MILLI;
+            }
+            posterior.covariance = covariance.iter().map(|x| x / square).collect();
+        }
         for (k, posterior) in heliostats.iter_mut().enumerate() {
             let marks = marks.remove(&k).unwrap_or_default();
             if marks != Marks::default() || !posterior.misses.is_empty() {
@@ -963,6 +992,7 @@ impl<'a> Work<'a> {
             converged: self.converged && likelihood.is_finite(),
             heliostats,
             known,
+            open,
             place,
             structure: self.structure,
             hyper: self.hyper,
