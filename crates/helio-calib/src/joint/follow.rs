@@ -247,8 +247,8 @@ impl JointFit {
                 };
                 // those in doubt are the likeliest account's to count
                 let in_doubt = accounts.first().map(|account| &account.marks);
-                let [outliers, jumps] = in_doubt
-                    .map_or([0; 2], |marks| [marks.outliers.len(), marks.jumps.len()]);
+                let [outliers, jumps] =
+                    in_doubt.map_or([0; 2], |marks| [marks.outliers.len(), marks.jumps.len()]);
                 let outliers = posterior.outliers.len() - outliers;
                 let certain = &posterior.jumps[..posterior.jumps.len() - jumps];
                 Followed {

@@ -163,7 +163,8 @@ impl Marks {
 
     /// Those of records before one.
     pub fn until(&self, end: usize) -> Self {
-        end.checked_sub(1).map_or_else(Self::default, |last| self.before(last))
+        end.checked_sub(1)
+            .map_or_else(Self::default, |last| self.before(last))
     }
 
     /// Those of one record and the ones after it.

@@ -437,8 +437,13 @@ mod tests {
 
     const AIM: helio_core::Enu = helio_core::Enu::new(0.0, -0.5, 55.2);
 
-    /// A field of which the last heliostat has but `few` records.
-    fn field(few: usize, causes: bool) -> (FieldOptions, SimulatedField, FieldState) {
+    /// A field of which the last heliostat has but `few` records; nothing is wrong with any record, and with `mishaps` it
+    /// might be.
+    fn field(
+        few: usize,
+        causes: bool,
+        mishaps: bool,
+    ) -> (FieldOptions, SimulatedField, FieldState) {
         let options = FieldOptions {
             heliostats: 25,
             records: 30,
@@ -456,6 +461,9 @@ mod tests {
         } else {
             how.least_log_evidence = f64::NEG_INFINITY;
         }
+        if !mishaps {
+            (how.mishaps.outlier, how.mishaps.jump) = (0.0, 0.0);
+        }
         let fit = fit_joint(&campaigns, &how).unwrap();
         let ids: Vec<String> = (0..=last).map(|k| k.to_string()).collect();
         let state = fit.follow(&ids).unwrap();
@@ -464,7 +472,7 @@ mod tests {
 
     /// Of the angles at rest over the suns, by the beam's own derivatives \[mrad\].
     fn by_angles(state: &FieldState, place: usize, mount: &Mount, suns: &[EnuUnit]) -> f64 {
-        let belief = &state.heliostats[place].accounts[0].belief;
+        let belief = &*state.heliostats[place].belief(&state.common);
         let own = belief.shape.own();
         let of_own = state.common.covariance_of(belief);
         let covariance: [[f64; COUNT]; COUNT] = core::array::from_fn(|i| {
@@ -488,8 +496,11 @@ mod tests {
 
     #[test]
     fn what_is_promised_of_a_day_is_what_its_records_bring() {
-        for few in [0, 1, 2, 3, 6, 12] {
-            let (options, field, mut state) = field(few, false);
+        let each = [0, 1, 2, 3, 6, 12].map(|few| [(few, false), (few, true)]);
+        for (few, mishaps) in each.into_iter().flatten() {
+            let (options, field, mut state) = field(few, false, mishaps);
+            let doubt = state.heliostats[field.heliostats.len() - 1].accounts.len() > 1;
+            assert!(!doubt || mishaps);
             let place = field.heliostats.len() - 1;
             let mount = field.heliostats[place].mount;
             let suns = year_suns(options.site.latitude_rad(), 0.2);
@@ -525,11 +536,11 @@ mod tests {
             println!(
                 "{few} records: {before:.3} mrad before, promised {after:.3}, came to {another:.3}"
             );
-            // Records aim elsewhere than planned ones, at where the heliostat stood.
-            assert!(
-                (after / another - 1.0).abs() < 0.03,
-                "{few}: {after} {another}"
-            );
+            // Records aim elsewhere than planned ones, at where the heliostat stood. Where those before are in doubt,
+            // more may come, as they take the doubt away too.
+            let less = if doubt { f64::INFINITY } else { 0.03 };
+            let ratio = after / another - 1.0;
+            assert!(ratio > -0.03 && ratio < less, "{few}: {after} {another}");
             for pair in all.windows(2) {
                 let before = pair[1].expected_year_pointing_mrad_before;
                 assert!(pair[0].expected_year_pointing_mrad_after == before);
@@ -539,7 +550,7 @@ mod tests {
 
     #[test]
     fn each_proposal_is_the_best_beside_those_before() {
-        let (options, field, state) = field(2, true);
+        let (options, field, state) = field(2, true, true);
         let place = field.heliostats.len() - 1;
         let mount = field.heliostats[place].mount;
         let suns = year_suns(options.site.latitude_rad(), 0.2);

@@ -35,7 +35,6 @@ pub(super) struct Open {
     pub marks: Marks,
 }
 
-
 impl Work<'_> {
     /// Heliostats whose last records leave more than one account, or another one than was decided.
     pub(super) fn reopen(
