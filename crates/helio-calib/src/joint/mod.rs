@@ -132,7 +132,8 @@ pub struct CommonCause {
     pub admitted: bool,
 }
 
-/// What the joint fit says of one heliostat.
+/// What the joint fit says of one heliostat. Of its last six records more than one account may be left: values and
+/// covariance are then those of all accounts together, outliers and jumps those of the likeliest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Posterior {
     /// Its six angles at rest \[rad\], then the causes of its own \[rad\].

@@ -42,10 +42,15 @@ impl Run<'_> {
             .collect();
         let histories = histories?;
         let (judged, jumps, mut seen) = self.told(&histories, &observations);
+        let (mut state, rows) = self.followed(&fit, &observations)?;
         let jumps: Result<Vec<JumpFound>, Failure> = jumps
             .into_iter()
             .enumerate()
-            .map(|(n, (observation, jump))| {
+            .map(|(n, (observation, mut jump))| {
+                let of = &histories[jump.index];
+                let day = of.iter().find(|one| one.observation == observation);
+                let in_doubt = &state.heliostats()[jump.index].undecided;
+                jump.certain = day.is_none_or(|one| !in_doubt.contains(&one.day));
                 if n >= SAID {
                     return Ok(jump);
                 }
@@ -59,7 +64,6 @@ impl Run<'_> {
             })
             .collect();
         let jumps = jumps?;
-        let (mut state, rows) = self.followed(&fit, &observations)?;
         state.look_back(&histories);
         let spells = state.spells();
         for (of_one, history) in seen.iter_mut().zip(&histories) {
