@@ -14,6 +14,7 @@ use rayon::prelude::*;
 use super::belief::{Belief, Number, Rates, Room, Shape, Tied, Told, WANDERING, at, column};
 use super::common::{Common, Sum};
 use super::hyper::{Hyper, Marks};
+use super::reopen::LAST;
 use super::rows::{
     BOUNDLESS, DAY_NS, MILLI, Place, Prepared, SUN_TURN_RAD_S, Structure, in_time, linearise,
     usable,
@@ -70,6 +71,8 @@ pub(super) struct Group {
     /// 1 for a heliostat, 0 for a place that nobody takes.
     taken: Eight,
     length: usize,
+    /// First of the last records of each.
+    last: Eight,
     /// Whether a reference jumped in any of them.
     jumped: bool,
 }
@@ -82,6 +85,8 @@ pub(super) struct Beliefs {
     pub spread: Vec<Eight>,
     /// Farthest that a record lies from what was expected: chi-squared with two degrees of freedom.
     pub farthest: Eight,
+    /// The same of the [last records](LAST).
+    pub farthest_last: Eight,
     /// Records of each that tell nothing by themselves, in time.
     pub silent: [Vec<usize>; BLOCK],
 }
@@ -239,7 +244,11 @@ impl Group {
             }
         }
         let lengths = sources.iter().map(|source| source.observations.len());
-        self.length = lengths.max().unwrap_or(0);
+        self.length = lengths.clone().max().unwrap_or(0);
+        self.last = zero;
+        for (first, length) in self.last.iter_mut().zip(lengths) {
+            *first = length.saturating_sub(LAST) as f64;
+        }
         self.jumped = false;
         let columns = structure.shape().row();
         // every number is written
@@ -345,6 +354,7 @@ impl Group {
         known.gain.resize(shape.own() * shape.common(), zero);
         known.spread.resize(Shape::triangle(shape.own()), zero);
         known.farthest = zero;
+        known.farthest_last = zero;
         let mut total = Total::nothing(shape);
         total
             .determinants
@@ -700,13 +710,14 @@ fn filter_some<L: Lanes>(
     let mut told = Told::nothing(shape);
     let mut room = Room::of(shape);
     let mut row = vec![zero; shape.row()];
-    let mut farthest = zero;
+    let (mut farthest, mut farthest_last) = (zero, zero);
+    let last = Lane::<L>::read(&group.last, lane);
     for (k, numbers) in group.rows.chunks_exact(rows.row()).enumerate() {
         for (to, from) in row[..2 * still].iter_mut().zip(numbers) {
             *to = Lane::read(from, lane);
         }
-        let last = numbers[rest_given..].iter();
-        for (to, from) in row[rest..].iter_mut().zip(last) {
+        let others = numbers[rest_given..].iter();
+        for (to, from) in row[rest..].iter_mut().zip(others) {
             *to = Lane::read(from, lane);
         }
         for (n, &cause) in prior.causes.iter().enumerate() {
@@ -732,7 +743,10 @@ fn filter_some<L: Lanes>(
         }
         let mut surprise = belief.weigh(&row, rates, &[], &mut room);
         surprise.mute(one - row[rest + column::SILENT]);
-        farthest = surprise.square().max(farthest);
+        let square = surprise.square();
+        farthest = square.max(farthest);
+        let square = Lane::select(Lane::splat(k as f64).lt(last), zero, square);
+        farthest_last = square.max(farthest_last);
         belief.believe(&surprise, &mut room, &mut told);
         if k % TOGETHER == TOGETHER - 1 || k + 1 == group.length {
             told.determinant
@@ -741,6 +755,7 @@ fn filter_some<L: Lanes>(
         }
     }
     farthest.write(&mut known.farthest, lane);
+    farthest_last.write(&mut known.farthest_last, lane);
     for i in 0..shape.own() {
         for j in 0..=i {
             belief
@@ -866,6 +881,7 @@ impl Beliefs {
             }
         }
         self.farthest[lane] = from.farthest[of];
+        self.farthest_last[lane] = from.farthest_last[of];
     }
 
     /// Of one of the heliostats.

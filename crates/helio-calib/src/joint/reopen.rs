@@ -20,7 +20,12 @@ use super::{BLOCK, Decided, Places, Work};
 
 /// Records at the end of a heliostat's that are gone through again: of one before them, so many came after it that the
 /// accounts of it are decided in a followed field too.
-const LAST: usize = DECIDED_AFTER;
+pub(super) const LAST: usize = DECIDED_AFTER;
+/// The last records are gone through again where one of them is farther from what was expected (chi-squared, two degrees of
+/// freedom: 1 % lie beyond): what else might explain a nearer one is less than a hundredth as likely as that it is right.
+const OPENED: f64 = 9.21;
+/// Of fewer records one more may always lie in a wrong place without standing out.
+const FEW: usize = 9;
 
 /// What may have become of a heliostat's last records.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,29 +50,41 @@ impl Work<'_> {
     ) -> BTreeMap<usize, Open> {
         let causes = &self.live.causes;
         let prior = Prior::new(self.shape, &self.hyper, &self.common.mean, causes);
-        let each: Vec<Vec<(usize, Open)>> = self
-            .order
+        let with_known = self.order.iter().enumerate();
+        let some: Vec<(usize, &[usize])> = with_known
+            .filter(|(n, k)| self.is_open(**k, &known[n / BLOCK], n % BLOCK, decided))
+            .map(|(n, &k)| (k, &known[n / BLOCK].silent[n % BLOCK][..]))
+            .collect();
+        let each: Vec<Vec<(usize, Open)>> = some
             .par_chunks(BLOCK)
-            .zip(known)
-            .map_init(Group::default, |group, (members, known)| {
-                self.reopen_some(group, members, known, places, &prior, decided)
+            .map_init(Group::default, |group, some| {
+                self.reopen_some(group, some, places, &prior, decided)
             })
             .collect();
         each.into_iter().flatten().collect()
     }
 
+    fn is_open(&self, k: usize, known: &Beliefs, lane: usize, decided: &Decided) -> bool {
+        let count = self.campaigns[k].observations.len();
+        let marked = || {
+            let marks = decided.get(&k);
+            marks.is_some_and(|marks| marks.from(count.saturating_sub(LAST)) != Marks::default())
+        };
+        count > 0 && (count < FEW || known.farthest_last[lane] > OPENED || marked())
+    }
+
     fn reopen_some(
         &self,
         group: &mut Group,
-        members: &[usize],
-        known: &Beliefs,
+        some: &[(usize, &[usize])],
         places: &Places,
         prior: &Prior<'_>,
         decided: &Decided,
     ) -> Vec<(usize, Open)> {
         let rows = self.live.structure.shape();
         let none = Marks::default();
-        self.linearise(group, members, places);
+        let members: Vec<usize> = some.iter().map(|(k, _)| *k).collect();
+        self.linearise(group, &members, places);
         let mut last: [Vec<f64>; BLOCK] = Default::default();
         for (lane, k) in members.iter().enumerate() {
             let count = self.campaigns[*k].observations.len();
@@ -79,11 +96,11 @@ impl Work<'_> {
         }
         let mut until = Beliefs::default();
         group.filter(self.level, prior, &mut until);
-        let each = members.iter().zip(&last).enumerate();
-        each.filter_map(|(lane, (&k, last))| {
+        let each = some.iter().zip(&last).enumerate();
+        each.filter_map(|(lane, (&(k, silent), last))| {
             let marks = decided.get(&k).unwrap_or(&none);
             let belief = until.belief(self.shape, lane);
-            let open = self.go_through(k, belief, last, marks, &known.silent[lane])?;
+            let open = self.go_through(k, belief, last, marks, silent)?;
             Some((k, open))
         })
         .collect()
