@@ -5,6 +5,7 @@
 mod args;
 mod calibration;
 mod calibration_page;
+mod clock;
 mod commands;
 mod comparison;
 mod failure;

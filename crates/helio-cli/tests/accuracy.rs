@@ -306,10 +306,55 @@ fn frames_that_stand_twice_change_no_verdict() {
     let said = twice.stderr();
     assert!(
         said.contains(&format!(
-            "rows with the time of an earlier row, left out: {rows}; they say the same"
+            "rows that say again what an earlier one says of the same time, left out: {rows}"
         )),
         "{said}"
     );
+}
+
+/// Rows of one time that contradict each other: the JSON is the same whatever their order, and the program says which
+/// rows they are.
+#[test]
+fn the_order_of_rows_changes_no_verdict() {
+    let folder = campaign(&["--minutes", "10", "--frames-per-s", "2"]);
+    let spots = folder.read("spots.csv");
+    let (header, body) = spots.split_once('\n').unwrap();
+    let mut lines: Vec<String> = body.lines().map(str::to_owned).collect();
+    // another camera's frames of the same times, all of them beyond the angle
+    let others: Vec<String> = lines
+        .iter()
+        .step_by(3)
+        .map(|line| {
+            let mut cells: Vec<&str> = line.split(',').collect();
+            (cells[0], cells[9], cells[10]) = ("other", "0.9", "0.9");
+            cells.join(",")
+        })
+        .collect();
+    let count = others.len();
+    lines.extend(others);
+    let mut all = Vec::new();
+    for turn in 0..3 {
+        match turn {
+            1 => lines.reverse(),
+            2 => lines.rotate_left(500),
+            _ => {}
+        }
+        folder.write("spots.csv", format!("{header}\n{}\n", lines.join("\n")));
+        let run = folder.run(EVALUATE);
+        assert_eq!(run.code(), 1, "{}", run.stderr());
+        let mut found: Value = serde_json::from_str(&run.stdout()).unwrap();
+        // the file's hash is another
+        found["files"].take();
+        assert_eq!(found["frames"]["contradicted"], 2 * count);
+        all.push(found);
+        let said = run.stderr();
+        assert!(
+            said.contains("first 2026-06-20T08:00:00Z (spots.csv, line"),
+            "{said}"
+        );
+    }
+    assert_eq!(all[0], all[1]);
+    assert_eq!(all[0], all[2]);
 }
 
 /// A table shows how its spots were found, whatever is stated.

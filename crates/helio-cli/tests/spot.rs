@@ -500,12 +500,74 @@ fn somebodys_files_are_kept() {
         folder.read("keep/target.toml"),
         "width_m = 3\nheight_m = 3\n"
     );
-    // Its own are made anew.
-    for _ in 0..2 {
-        folder
-            .run(&["simulate", "images", "--frames", "1", "--out", "mine"])
-            .good();
+    // Its own are made anew, as long as nobody changed them.
+    folder.write(
+        "seen.csv",
+        "heliostat_id,axis1_deg,axis2_deg,u_m,v_m\nA1,12.5,30,1.25,-0.5\n",
+    );
+    let make = |more: &[&str]| {
+        let line = ["simulate", "images", "--out", "mine", "--size", "200x160"];
+        folder.run(&[&line[..], more].concat())
+    };
+    let logged: &[&str] = &["--observations", "seen.csv"];
+    let frames = ["--frames", "3"];
+    for more in [
+        &frames[..],
+        &["--frames", "1"],
+        &frames,
+        logged,
+        logged,
+        &["--frames", "1"],
+    ] {
+        make(more).good();
     }
+    let names = || {
+        let all = std::fs::read_dir(folder.path().join("mine")).unwrap();
+        let mut names: Vec<_> = all.map(|entry| entry.unwrap().file_name()).collect();
+        names.sort();
+        names
+    };
+    // frames of the run before would be taken for some of this one
+    assert_eq!(
+        names(),
+        ["000001.png", "log.csv", "target.toml", "truth.csv"]
+    );
+    let changed = |name: &str, text: &[u8], more: &[&str]| {
+        let path = folder.path().join("mine").join(name);
+        let before = std::fs::read(&path).ok();
+        std::fs::write(&path, text).unwrap();
+        let run = make(more);
+        assert_eq!(run.code(), 2, "{name}");
+        let said = run.stderr();
+        assert!(
+            said.contains(&format!("mine holds {name}, which")),
+            "{said}"
+        );
+        assert_eq!(std::fs::read(&path).unwrap(), text, "{name}");
+        match before {
+            Some(before) => std::fs::write(&path, before).unwrap(),
+            None => std::fs::remove_file(&path).unwrap(),
+        }
+    };
+    let own = folder.read("mine/target.toml");
+    let one: &[&str] = &["--frames", "1"];
+    changed("target.toml", b"width_m = 3\nheight_m = 3\n", one);
+    changed("target.toml", own.replace("= 8.0", "= 8.1").as_bytes(), one);
+    changed("target.toml", format!("# mine\n{own}").as_bytes(), one);
+    changed("truth.csv", b"file,u_m,v_m\n000001.png,0,0\n", one);
+    changed("000003.png", b"mine", &["--frames", "4"]);
+    make(logged).good();
+    changed("log.csv", b"file\n000001.png\n", logged);
+    // a truth.csv of somebody makes no folder ours
+    folder.write("keep/truth.csv", "file,u_m,v_m\n000001.png,0,0\n");
+    let run = folder.run(&["simulate", "images", "--frames", "1", "--out", "keep"]);
+    assert_eq!(run.code(), 2);
+    assert!(
+        run.stderr().contains("keep holds target.toml"),
+        "{}",
+        run.stderr()
+    );
+    make(one).good();
     folder.write("file", "");
     let run = folder.run(&[
         "spot",
@@ -519,6 +581,51 @@ fn somebodys_files_are_kept() {
     assert!(
         run.stderr()
             .contains("--overlay: file is a file; wanted a folder"),
+        "{}",
+        run.stderr()
+    );
+}
+
+/// Times go by the place in the list, frames that cannot be read included; what is missing is told, and shifts nothing
+/// with --numbered.
+#[test]
+fn missing_frames_shift_no_time_unsaid() {
+    let folder = simulated("--frames 6 --seed 6 --size 200x160");
+    let times = |more: &[&str]| -> (Vec<String>, String) {
+        let line = ["f", "--fps", "2", "--start", "2026-06-21T12:00:00Z"];
+        let run = spot(&folder, &[&line[..], more].concat());
+        assert!(run.code() < 2, "{}", run.stderr());
+        let all = rows(&run.stdout());
+        let time =
+            |row: &BTreeMap<String, String>| row["time"][17..].trim_end_matches('Z').to_owned();
+        (all.iter().map(time).collect(), run.stderr())
+    };
+    folder.write("f/000002.png", "no picture");
+    let (all, said) = times(&[]);
+    assert_eq!(all, ["00", "00.5", "01", "01.5", "02", "02.5"]);
+    assert!(!said.contains("numbers"), "{said}");
+    assert_eq!(times(&["--numbered"]).0, all);
+    // two frames are gone
+    for name in ["f/000003.png", "f/000004.png"] {
+        std::fs::remove_file(folder.path().join(name)).unwrap();
+    }
+    let (shifted, said) = times(&[]);
+    assert_eq!(shifted, ["00", "00.5", "01", "01.5"]);
+    for words in [
+        "after f/000002.png comes f/000005.png (1 such place)",
+        "--numbered",
+    ] {
+        assert!(said.contains(words), "{said}");
+    }
+    let (all, said) = times(&["--numbered"]);
+    assert_eq!(all, ["00", "00.5", "02", "02.5"]);
+    assert!(!said.contains("numbers"), "{said}");
+    folder.write("f/later.png", "no picture");
+    let line = "f --fps 2 --start 2026-06-21T12:00:00Z --numbered";
+    let run = spot(&folder, &line.split_whitespace().collect::<Vec<_>>());
+    assert_eq!(run.code(), 2);
+    assert!(
+        run.stderr().contains("f/later.png has no number"),
         "{}",
         run.stderr()
     );

@@ -22,7 +22,8 @@ pub struct FrameFiles {
 }
 
 /// The files that somebody means by what was typed, in order: a file is itself, a directory its pictures by name, a
-/// pattern with `*` or `?` what it matches by name, `@LIST` the files that a text file lists, one a line, relative to
+/// pattern with `*` or `?` what it matches by name (numbers in names by their value, so that `9.png` comes before
+/// `10.png`), `@LIST` the files that a text file lists, one a line, relative to
 /// that file (empty lines and lines that begin with `#` are left aside). A file counts once, however often and by
 /// whatever names it is named.
 ///
@@ -73,7 +74,7 @@ fn is_picture(path: &Path) -> bool {
         .is_some_and(|suffix| SUFFIXES.contains(&suffix.as_str()))
 }
 
-/// What a directory holds, by name.
+/// What a directory holds, by name and the numbers in it.
 fn entries(path: &Path) -> Result<Vec<PathBuf>, IoError> {
     let folder = if path == Path::new("") {
         Path::new(".")
@@ -85,8 +86,38 @@ fn entries(path: &Path) -> Result<Vec<PathBuf>, IoError> {
     for entry in std::fs::read_dir(folder).map_err(refuse)? {
         found.push(path.join(entry.map_err(refuse)?.file_name()));
     }
-    found.sort();
+    found.sort_by_cached_key(|path| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        (parts(&name), path.clone())
+    });
     Ok(found)
+}
+
+/// A part of a name.
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+enum Part {
+    /// Digits without leading zeros, and how many: so numbers of any length are in order.
+    Number(usize, String),
+    Text(String),
+}
+
+/// A name by its numbers, so that `frame10.png` comes after `frame9.png`.
+fn parts(name: &str) -> Vec<Part> {
+    let mut parts = Vec::new();
+    let mut rest = name;
+    while let Some(first) = rest.chars().next() {
+        let digits = first.is_ascii_digit();
+        let end = rest.find(|c: char| c.is_ascii_digit() != digits);
+        let (part, after) = rest.split_at(end.unwrap_or(rest.len()));
+        rest = after;
+        parts.push(if digits {
+            let number = part.trim_start_matches('0');
+            Part::Number(number.len(), number.to_owned())
+        } else {
+            Part::Text(part.to_owned())
+        });
+    }
+    parts
 }
 
 fn directory(path: &Path) -> Result<Vec<PathBuf>, IoError> {
@@ -202,6 +233,32 @@ mod tests {
         ] {
             assert!(!fits(pattern, name), "{pattern} {name}");
         }
+    }
+
+    /// As the frames were numbered, with as many digits or not.
+    #[test]
+    fn frames_come_in_the_order_of_their_numbers() {
+        let folder = tempfile::tempdir().unwrap();
+        let names = [
+            "1.png",
+            "2.png",
+            "09.png",
+            "10.png",
+            "100.png",
+            "99999999999999999999999999.png",
+            "100000000000000000000000000.png",
+            "a-2-b.png",
+            "a-10-a.png",
+            "a-10-b.png",
+            "b1.png",
+        ];
+        for name in names {
+            std::fs::write(folder.path().join(name), "").unwrap();
+        }
+        let wanted: Vec<PathBuf> = names.iter().map(|name| folder.path().join(name)).collect();
+        let of = |path: PathBuf| frame_files(&[path]).unwrap().paths;
+        assert_eq!(of(folder.path().to_path_buf()), wanted);
+        assert_eq!(of(folder.path().join("*.png")), wanted);
     }
 
     #[test]

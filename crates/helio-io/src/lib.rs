@@ -24,6 +24,7 @@ mod field;
 mod finished;
 mod frames;
 mod hash;
+mod joining;
 mod keys;
 mod leftovers;
 mod log;

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 
 use crate::error::{IoError, Place, Problem, quoted, short};
 use crate::field::LoadedField;
+use crate::joining::{Frames, NEAR_NS};
 use crate::keys;
 use crate::small::{both_or_none, driven_rad, known_heliostat, pair};
 use crate::spots::SpotTable;
@@ -126,7 +127,7 @@ impl Observations {
     pub fn line(&self, record: usize) -> Result<usize, IoError> {
         let line = match &self.lines {
             Some(lines) => lines.get(record).copied(),
-            None => (record < self.records).then_some(record + 1),
+            None => (record < self.records).then(|| record + 1),
         };
         line.ok_or_else(|| {
             let problem = Problem::OutOfRange {
@@ -265,16 +266,18 @@ pub fn load_observations(path: &Path, loaded: &LoadedField) -> Result<Observatio
 
 /// Reads a table of observations whose spots are given apart, as `spot` writes them.
 ///
-/// The table then has no spots of its own but a column `file`, which names the frame of each record as the spots do (with
-/// or without its folders), or else a `time` within half a second of the frame's. Where frames are named and both tables
+/// The table then has no spots of its own but a column `file`, which names the frame of each record as the spots do: of the
+/// folders before it as many must agree as both tables name. Or else a `time` within half a second of the frame's, of which
+/// the nearest is taken. Where frames are named and both tables
 /// have times, these must agree as well. The standard deviation comes from the
-/// frame too. Frames with the status `ok` or `saturated` count; `cut`, `ambiguous`, `empty`, `no_target` and `unreadable` are
-/// left aside, as are records whose frame is not there.
+/// frame too. Frames with the status `ok` or `saturated` count; `cut`, `ambiguous`, `unclear`, `empty`,
+/// `no_target` and `unreadable` are left aside, as are records whose frame is not there.
 ///
 /// # Errors
 /// As [`load_observations`]; and for a table with spots of its own, one without `file` and `time`, a file name that
-/// several frames have, a frame whose time is not that of the record which names it, a frame that records of two
-/// heliostats or of two poses name, and spots none of which belongs to a record.
+/// several frames may be meant by, a time that several frames are equally near to, a frame whose time is not that of the
+/// record which names it, a frame that belongs to records of two heliostats or of two poses, and spots none of which belongs
+/// to a record.
 pub fn load_observations_with_spots(
     path: &Path,
     spots: Option<&SpotTable>,
@@ -620,7 +623,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Refuses spots given apart that cannot be meant: none that belongs to a record, and one that belongs to two
-    /// heliostats or, by its name, to two poses.
+    /// heliostats, or to two poses.
     fn check_frames(&self, records: &[Record]) -> Result<(), IoError> {
         let Some(frames) = &self.frames else {
             return Ok(());
@@ -648,15 +651,25 @@ impl<'a> Reader<'a> {
                     record.axis2_rad.to_bits(),
                 )
             };
-            if frames.by_name.is_some() && pose(before) != pose(row) {
+            if pose(before) != pose(row) {
+                let (key, how) = if frames.by_name() {
+                    (&keys::FRAME, "a frame shows one".to_owned())
+                } else {
+                    let how = format!(
+                        "records belong to the frame nearest in time, and a frame shows one pose: wanted one record a \
+                         frame, or the frames' names in a column {}",
+                        quoted(keys::FRAME.name)
+                    );
+                    (&keys::TIME, how)
+                };
                 let message = format!(
-                    "its frame {} is that of another pose or time too ({}); a frame shows one",
+                    "its frame {} is that of another pose or time too ({}); {how}",
                     quoted(&frames.spots.rows[frame].file),
                     table.position(before)
                 );
                 let id = &self.loaded.field.ids()[record.heliostat];
                 let problem = Problem::Conflict { message };
-                return Err(self.table.error(row, &keys::FRAME, Some(id), problem));
+                return Err(self.table.error(row, key, Some(id), problem));
             }
         }
         if first.is_empty() {
@@ -909,113 +922,6 @@ impl<'a> Reader<'a> {
         }
         out.warnings.extend(said);
     }
-}
-
-/// Spots given apart belong to records no more than this beside them in time \[ns\].
-const NEAR_NS: i64 = 500_000_000;
-
-/// Spots given apart, by what records know them by.
-struct Frames<'a> {
-    spots: &'a SpotTable,
-    /// Of each name, with its folders and without: the rows that have it. None where records go by time.
-    by_name: Option<HashMap<&'a str, Vec<usize>>>,
-    /// Times and rows, in order.
-    by_time: Vec<(i64, usize)>,
-}
-
-impl<'a> Frames<'a> {
-    fn new(spots: &'a SpotTable, named: bool) -> Self {
-        let rows = || spots.rows.iter().enumerate();
-        let by_name = named.then(|| {
-            let mut by_name: HashMap<&str, Vec<usize>> = HashMap::new();
-            for (row, spot) in rows() {
-                by_name.entry(&spot.file).or_default().push(row);
-                let last = last_part(&spot.file);
-                if last != spot.file {
-                    by_name.entry(last).or_default().push(row);
-                }
-            }
-            by_name
-        });
-        let times = rows().filter_map(|(row, spot)| Some((spot.unix_ns?, row)));
-        let mut by_time: Vec<(i64, usize)> = times.collect();
-        by_time.sort_unstable();
-        Self {
-            spots,
-            by_name,
-            by_time,
-        }
-    }
-
-    /// The frame of a record.
-    fn of(
-        &self,
-        table: &Keyed,
-        row: usize,
-        id: &str,
-        unix_ns: Option<i64>,
-    ) -> Result<Option<usize>, IoError> {
-        let Some(by_name) = &self.by_name else {
-            return Ok(unix_ns.and_then(|unix_ns| self.nearest(unix_ns)));
-        };
-        let Some(name) = table.text(row, &keys::FRAME, id)? else {
-            return Ok(None);
-        };
-        let found = by_name
-            .get(&*name)
-            .or_else(|| by_name.get(last_part(&name)));
-        match found.map(Vec::as_slice) {
-            None => Ok(None),
-            Some([one]) => {
-                let taken = self.spots.rows[*one].unix_ns;
-                if let (Some(taken), Some(unix_ns)) = (taken, unix_ns)
-                    && taken.abs_diff(unix_ns) > NEAR_NS.unsigned_abs()
-                {
-                    let message = format!(
-                        "its frame {} was taken at {} ({}, {}), {} s from the record's {}; wanted within {} s, or one \
-                         of the two tables without times",
-                        quoted(&name),
-                        format_time(taken),
-                        self.spots.path.display(),
-                        self.spots.position(*one),
-                        short(1e-9 * taken.abs_diff(unix_ns) as f64),
-                        format_time(unix_ns),
-                        1e-9 * NEAR_NS as f64
-                    );
-                    return Err(table.error(
-                        row,
-                        &keys::FRAME,
-                        Some(id),
-                        Problem::Conflict { message },
-                    ));
-                }
-                Ok(Some(*one))
-            }
-            Some(several) => {
-                let message = format!(
-                    "{} frames of {} have this name, first {}",
-                    several.len(),
-                    self.spots.path.display(),
-                    self.spots.position(several[0])
-                );
-                Err(table.error(row, &keys::FRAME, Some(id), Problem::Conflict { message }))
-            }
-        }
-    }
-
-    fn nearest(&self, unix_ns: i64) -> Option<usize> {
-        let after = self.by_time.partition_point(|(time, _)| *time < unix_ns);
-        let near = self.by_time[after.saturating_sub(1)..].iter().take(2);
-        let apart = |time: i64| time.abs_diff(unix_ns);
-        near.min_by_key(|(time, _)| apart(*time))
-            .filter(|(time, _)| apart(*time) <= NEAR_NS.unsigned_abs())
-            .map(|(_, row)| *row)
-    }
-}
-
-/// A file's name without its folders, whichever way they are written.
-fn last_part(name: &str) -> &str {
-    name.rsplit(['/', '\\']).next().unwrap_or(name)
 }
 
 /// Components on a plane \[m\], and how far before it.

@@ -44,12 +44,16 @@ pub(crate) struct SpotArgs {
     /// Size and format of raw video: WIDTHxHEIGHT, of 8 bit unless :gray16le follows
     #[arg(long, value_name = "WIDTHxHEIGHT[:FORMAT]", value_parser = raw)]
     pub(crate) raw: Option<Raw>,
-    /// Frames per second, for the times of the rows
+    /// Frames per second, for the times of the rows: each frame, read or not, by its place in the list
     #[arg(long, value_name = "RATE", requires = "start", value_parser = rate)]
     pub(crate) fps: Option<f64>,
     /// Time of the first frame, with its offset from UTC
     #[arg(long, value_name = "TIME", requires = "fps")]
     pub(crate) start: Option<String>,
+    /// Take the times of files from the numbers in their names instead (the last digits before the suffix; the first
+    /// file is at --start), so that frames which are missing shift none
+    #[arg(long, requires = "fps")]
+    pub(crate) numbered: bool,
     /// Folder for a picture of each frame with marks, threshold, window and centre drawn in; made if it
     /// does not exist
     #[arg(long, value_name = "DIR")]

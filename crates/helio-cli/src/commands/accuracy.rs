@@ -11,7 +11,7 @@ use helio_report::accuracy::{AccuracyPage, accuracy_page};
 use helio_spot::SpotStatus;
 use helio_spot::accuracy::{
     AccuracyError, BinOutcome, Evaluation, Figure, Figures, FrameStatus, Limits, Options, Setup,
-    SpotRow, WindBin, evaluate, simulate,
+    SpotRow, Warning, WindBin, evaluate, simulate,
 };
 use serde_json::{Map, Value, json};
 
@@ -100,6 +100,7 @@ pub(crate) fn run(args: &AccuracyArgs, printer: &Printer) -> Result<Outcome, Fai
         setup: &setup,
         campaign: &campaign,
         files: &files,
+        table: &table,
     };
     if let Some(file) = report {
         write_page(file, &accuracy_page(&about.page(&spots)))?;
@@ -267,6 +268,7 @@ struct About<'a> {
     setup: &'a Setup,
     campaign: &'a Campaign,
     files: &'a [(String, String)],
+    table: &'a SpotTable,
 }
 
 impl About<'_> {
@@ -465,6 +467,25 @@ impl About<'_> {
         })
     }
 
+    /// A time and where its rows stand.
+    fn rows_of(&self, unix_ns: i64) -> String {
+        let rows = self.table.rows.iter().enumerate();
+        let of_time = rows.filter(|(_, row)| row.unix_ns == Some(unix_ns));
+        let places: Vec<String> = of_time.map(|(row, _)| self.table.position(row)).collect();
+        let more = places.len().saturating_sub(3);
+        format!(
+            "{} ({}, {}{})",
+            format_time(unix_ns),
+            self.args.spots.display(),
+            places[..places.len() - more].join(", "),
+            if more > 0 {
+                format!(" and {more} more")
+            } else {
+                String::new()
+            }
+        )
+    }
+
     fn say(&self, printer: &Printer) {
         let found = self.found;
         let counted = found.counts.first().map_or(0, |(_, count)| *count);
@@ -513,7 +534,15 @@ impl About<'_> {
             ));
         }
         for warning in &found.warnings {
-            printer.warn(warning);
+            match warning {
+                Warning::Contradicted { first_unix_ns, .. } => {
+                    printer.warn(format_args!(
+                        "{warning}; first {}",
+                        self.rows_of(*first_unix_ns)
+                    ));
+                }
+                _ => printer.warn(warning),
+            }
         }
         printer.say(format_args!("{} by {}", found.verdict, self.limits.name));
     }

@@ -1,5 +1,6 @@
 //! `simulate images`: synthetic camera frames with their truth.
 
+use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::Ordering;
@@ -7,7 +8,8 @@ use std::sync::atomic::Ordering;
 use helio_core::angle::radians;
 use helio_io::output::{Cells, Destination, Format, write_columns};
 use helio_io::{
-    IoError, ObservationLog, load_observation_log, target_toml, write_file, write_frame,
+    IoError, ObservationLog, Sha256, hash_file, load_observation_log, target_toml, write_file,
+    write_frame,
 };
 use helio_spot::simulate::{
     Beam, BeamShape, Camera, Daylight, Depth, Pose, Scene, Sensor, Shadow, Truth,
@@ -34,8 +36,12 @@ pub(crate) fn run(args: &SimulateImagesArgs, printer: &Printer) -> Result<Outcom
         .as_ref()
         .map_or(args.frames, |log| log.spots_m.len() as u32);
     let folder = args.out.as_path();
-    check_folder(folder)?;
+    let earlier = check_folder(folder, frames, log.is_some())?;
     std::fs::create_dir_all(folder).map_err(|error| IoError::write(folder, error))?;
+    for name in &earlier.more {
+        let path = folder.join(name);
+        std::fs::remove_file(&path).map_err(|error| IoError::write(&path, error))?;
+    }
     let stop = stop_on_signals();
     let progress = Mutex::new(printer.progress_of(u64::from(frames), "frames"));
     let truths = (1..=frames)
@@ -74,7 +80,8 @@ pub(crate) fn run(args: &SimulateImagesArgs, printer: &Printer) -> Result<Outcom
             })
             .fold(String::new(), |text, line| text + line + "\n");
     }
-    write_file(&folder.join("target.toml"), text.as_bytes())?;
+    let text = sums(folder, log.is_some() || earlier.log, &text)? + &text;
+    write_file(&folder.join(TARGET), text.as_bytes())?;
     printer.say(format_args!(
         "{} with {}truth.csv and target.toml in {}",
         Counted(truths.len(), "frame"),
@@ -84,19 +91,93 @@ pub(crate) fn run(args: &SimulateImagesArgs, printer: &Printer) -> Result<Outcom
     Ok(Outcome::Good)
 }
 
-/// Refuses a folder that this program did not fill: somebody's own target.toml and frames have the same names.
-fn check_folder(folder: &Path) -> Result<(), Failure> {
-    if folder.join("truth.csv").exists() {
-        return Ok(());
+const TARGET: &str = "target.toml";
+const TRUTH: &str = "truth.csv";
+const LOG: &str = "log.csv";
+
+/// The first line of a target.toml that this program may write over.
+const OURS: &str = "# Written by helio-rs simulate images, which replaces what it wrote as long as these sums (SHA-256) hold:";
+/// What the last of the sums is of.
+const REST: &str = "the lines below";
+
+/// The lines that tell next time what was written: the sums of the tables, and of the text they stand before.
+fn sums(folder: &Path, log: bool, text: &str) -> Result<String, Failure> {
+    let mut lines = format!("{OURS}\n");
+    for name in [Some(TRUTH), log.then_some(LOG)].into_iter().flatten() {
+        let sum = hash_file(&folder.join(name))?;
+        lines.push_str(&format!("# {sum} {name}\n"));
     }
-    let ours = ["target.toml".to_owned(), "log.csv".to_owned(), name(1)];
-    match ours.iter().find(|name| folder.join(name).exists()) {
-        None => Ok(()),
-        Some(name) => Err(Failure::refused(format!(
-            "--out: {} holds {name} without the truth.csv of an earlier run, and would lose it; wanted another folder",
+    lines.push_str(&format!("# {} {REST}\n", sum_of(text)));
+    Ok(lines)
+}
+
+fn sum_of(text: &str) -> String {
+    let mut sum = Sha256::default();
+    sum.update(text.as_bytes());
+    sum.finish()
+}
+
+/// The sums that a target.toml of this program begins with, by what they are of; none if it is somebody else's or was
+/// changed.
+fn sums_of(text: &str) -> Option<HashMap<&str, &str>> {
+    let mut rest = text.strip_prefix(OURS)?.strip_prefix('\n')?;
+    let mut sums = HashMap::new();
+    while !sums.contains_key(REST) {
+        let (line, after) = rest.split_once('\n')?;
+        let (sum, of) = line.strip_prefix("# ")?.split_once(' ')?;
+        sums.insert(of, sum);
+        rest = after;
+    }
+    (sums.get(REST).copied() == Some(sum_of(rest).as_str())).then_some(sums)
+}
+
+/// What an earlier run left that this one does not replace.
+#[derive(Default)]
+struct Earlier {
+    /// Whether there is a log.csv.
+    log: bool,
+    /// Frames beyond those of this run, which would be taken for some of it.
+    more: Vec<String>,
+}
+
+/// Refuses a folder with a file that would be lost and that this program did not write, or that was changed since.
+fn check_folder(folder: &Path, frames: u32, log: bool) -> Result<Earlier, Failure> {
+    let refuse = |name: &str| -> Result<Earlier, Failure> {
+        Err(Failure::refused(format!(
+            "--out: {} holds {name}, which simulate images did not write or which was changed since, and would lose it; \
+             wanted another folder",
             folder.display()
-        ))),
+        )))
+    };
+    let text = std::fs::read_to_string(folder.join(TARGET)).unwrap_or_default();
+    let sums = sums_of(&text).unwrap_or_default();
+    if folder.join(TARGET).exists() && sums.is_empty() {
+        return refuse(TARGET);
     }
+    let mut earlier = Earlier::default();
+    for (name, replaced) in [(TRUTH, true), (LOG, log)] {
+        let path = folder.join(name);
+        if !path.exists() {
+            continue;
+        }
+        let own = sums.get(name).copied() == Some(hash_file(&path)?.as_str());
+        if replaced && !own {
+            return refuse(name);
+        }
+        earlier.log |= own && name == LOG;
+    }
+    // frames that the truth names are ours
+    let truth = std::fs::read_to_string(folder.join(TRUTH)).unwrap_or_default();
+    let ours = truth.lines().skip(1).count();
+    let exists = |name: &String| folder.join(name).exists();
+    if let Some(name) = (ours + 1..=frames as usize).map(name).find(exists) {
+        return refuse(&name);
+    }
+    earlier.more = (frames as usize + 1..=ours)
+        .map(name)
+        .filter(exists)
+        .collect();
+    Ok(earlier)
 }
 
 fn name(number: usize) -> String {
@@ -248,7 +329,7 @@ fn write_log(folder: &Path, log: &ObservationLog) -> Result<(), Failure> {
     let others = log.columns.iter();
     let others = others.map(|(name, cells)| (name.as_str(), Cells::Text(cells)));
     let columns: Vec<_> = others.chain([of_file]).collect();
-    let destination = Destination::File(folder.join("log.csv"));
+    let destination = Destination::File(folder.join(LOG));
     write_columns(destination, Format::Csv, &columns)?;
     Ok(())
 }
@@ -276,7 +357,7 @@ fn write_truth(folder: &Path, truths: &[Truth]) -> Result<(), Failure> {
         ("on_target_u_m", Cells::Numbers(&seen_u_m)),
         ("on_target_v_m", Cells::Numbers(&seen_v_m)),
     ];
-    let destination = Destination::File(folder.join("truth.csv"));
+    let destination = Destination::File(folder.join(TRUTH));
     write_columns(destination, Format::Csv, &columns)?;
     Ok(())
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use helio_io::{CameraTarget, IoError, SpotRow, frame_files, load_target, parse_time, write_spots};
+use helio_io::{CameraTarget, IoError, SpotRow, frame_files, load_target, write_spots};
 use helio_spot::{
     Corners, FindOptions, Flags, Frame, Gray, Limits, MarkScratch, Plane, RawVideo, RobustOptions,
     Scratch, SpotError, SpotScratch, SpotStatus, StandardOptions, View, decode, find_corners,
@@ -17,6 +17,7 @@ use rayon::prelude::*;
 use super::track::stop_on_signals;
 use crate::Outcome;
 use crate::args::{MethodWord, SpotArgs};
+use crate::clock::{Clock, gaps};
 use crate::failure::Failure;
 use crate::overlay::{self, Drawing};
 use crate::plan;
@@ -31,7 +32,20 @@ pub(crate) fn run(args: &SpotArgs, printer: &Printer) -> Result<Outcome, Failure
     let source = Source::of(args, printer)?;
     let target = load_target(&args.target)?;
     let finder = Finder::new(args, &target)?;
-    let clock = Clock::of(args)?;
+    let clock = Clock::of(args, source.files())?;
+    if clock.is_some()
+        && !args.numbered
+        && let Some(gap) = gaps(source.files())
+    {
+        let [before, after] = &gap.between;
+        printer.warn(format_args!(
+            "the numbers in the names leave some out: after {} comes {} ({}); times go by the place in the list, so that \
+             frames which are missing shift those after them: --numbered takes times from the numbers",
+            before.display(),
+            after.display(),
+            Counted(gap.count, "such place")
+        ));
+    }
     let mut inputs = vec![args.target.clone()];
     inputs.extend(source.files().iter().cloned());
     let destination = plan::destination(args.out.out.as_deref(), format, &inputs, printer)?;
@@ -43,7 +57,7 @@ pub(crate) fn run(args: &SpotArgs, printer: &Printer) -> Result<Outcome, Failure
     let stop = stop_on_signals();
     let progress = Mutex::new(printer.progress_of(source.files().len() as u64, "frames"));
     let work = |room: &mut Room, (index, job): (usize, Job<'_>)| {
-        let unix_ns = clock.map(|clock| clock.at(index));
+        let unix_ns = clock.as_ref().map(|clock| clock.at(index));
         let file = job.name(index);
         let (row, frame, drawing) = match job.frame() {
             Err(reason) => (SpotRow::unreadable(file, unix_ns, reason), None, None),
@@ -221,29 +235,6 @@ impl Job<'_> {
             }
             Ok(_) => decode(&bytes, &Limits::default()).map_err(|error| error.to_string()),
         }
-    }
-}
-
-/// When each frame was taken.
-#[derive(Clone, Copy)]
-struct Clock {
-    start_ns: i64,
-    fps: f64,
-}
-
-impl Clock {
-    fn of(args: &SpotArgs) -> Result<Option<Self>, Failure> {
-        let (Some(start), Some(fps)) = (&args.start, args.fps) else {
-            return Ok(None);
-        };
-        let start_ns =
-            parse_time(start).map_err(|error| Failure::refused(format!("--start: {error}")))?;
-        Ok(Some(Self { start_ns, fps }))
-    }
-
-    fn at(self, index: usize) -> i64 {
-        let later_ns = (index as f64 / self.fps * 1e9).round();
-        self.start_ns.saturating_add(later_ns as i64)
     }
 }
 

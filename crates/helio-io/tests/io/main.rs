@@ -8,6 +8,7 @@ mod calibrated;
 mod files;
 mod foreign;
 mod good;
+mod joining;
 mod messages;
 mod observations;
 mod robust;

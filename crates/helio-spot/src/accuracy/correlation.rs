@@ -51,13 +51,13 @@ pub(super) fn design_effect(ticks: &[i64], values: &[f64]) -> DesignEffect {
     let values = values.iter().map(|value| (value - mean, 1.0));
     let mut cells = cells(ticks.iter().map(|&tick| cell(tick)).zip(values));
     let mut width = 1.0;
-    // Values of one time are one value, whatever chance makes of the lags beyond.
-    let alone: f64 = cells.iter().map(|(_, (sum, _))| sum * sum).sum();
-    let least = (alone / squares).max(1.0);
+    let mut least = None;
     while let ([(first, _), .., (last, _)], true) = (&cells[..], 2.0 * width < n) {
         let span = last.saturating_sub(*first).saturating_add(1) as f64;
         let (sums, pairs) = products(&cells);
         let mut effect = sums[0];
+        // Values of one time are one value, whatever chance makes of the lags beyond.
+        let least = *least.get_or_insert((effect / squares).max(1.0));
         let mut correlation = sums[0] / pairs[0] * n / squares;
         // what as many values without gaps would have
         let mut gapless = width * correlation;

@@ -191,11 +191,14 @@ impl Count<'_> {
             self.setup,
             &|frame| frame.status == FrameStatus::Ok && inside(frame),
         );
-        let lost = self
-            .frames
-            .iter()
-            .filter(|frame| frame.status.is_lost() && inside(frame))
-            .count();
+        // Rows of one time are one frame; those that contradict each other are lost as one.
+        let mut lost = 0;
+        let mut before = None;
+        for &row in self.order {
+            let new = before.replace(self.spots[row].unix_ns) != Some(self.spots[row].unix_ns);
+            let frame = &self.frames[row];
+            lost += usize::from(new && frame.status.is_lost() && inside(frame));
+        }
         let frames = taken.spots_m.len();
         let mut bin = WindBin {
             from_m_s,

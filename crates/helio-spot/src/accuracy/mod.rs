@@ -322,8 +322,10 @@ pub enum FrameStatus {
     Ok,
     /// It has no time.
     NoTime,
-    /// An earlier row has its time: a frame counts once.
+    /// An earlier row has its time and says the same: a frame counts once.
     Repeated,
+    /// Other rows have its time and say otherwise: nobody knows which of them is right, so that none counts.
+    Contradicted,
     /// The weather record has no irradiance at its time.
     NoDni,
     /// The irradiance was too low.
@@ -350,6 +352,7 @@ impl FrameStatus {
             Self::Ok => "ok",
             Self::NoTime => "no_time",
             Self::Repeated => "repeated",
+            Self::Contradicted => "contradicted",
             Self::NoDni => "no_dni",
             Self::LowDni => "low_dni",
             Self::NoAirTemperature => "no_air_temperature",
@@ -367,7 +370,8 @@ impl FrameStatus {
         match self {
             Self::Ok => "counted",
             Self::NoTime => "no time",
-            Self::Repeated => "an earlier row has its time",
+            Self::Repeated => "an earlier row says the same",
+            Self::Contradicted => "rows of one time that contradict each other",
             Self::NoDni => "no irradiance recorded at its time",
             Self::LowDni => "irradiance too low",
             Self::NoAirTemperature => "no air temperature recorded at its time",
@@ -387,7 +391,10 @@ impl FrameStatus {
 
     /// Whether the frame had the light and the weather but no spot that counts.
     const fn is_lost(self) -> bool {
-        matches!(self, Self::Spot(_) | Self::Unreadable | Self::NoPosition)
+        matches!(
+            self,
+            Self::Spot(_) | Self::Unreadable | Self::NoPosition | Self::Contradicted
+        )
     }
 }
 
@@ -419,12 +426,21 @@ pub enum Warning {
         /// The quantity.
         what: &'static str,
     },
-    /// Rows that have the time of an earlier one: each time counts once, as its first row has it.
+    /// Rows that say again what an earlier one says of the same time: they count once.
     Repeated {
         /// How many.
         rows: usize,
-        /// Those that say otherwise than the row that counts.
-        different: usize,
+    },
+    /// Times of which rows say different things: none of these rows counts.
+    Contradicted {
+        /// How many times.
+        times: usize,
+        /// How many rows they have.
+        rows: usize,
+        /// The first of the times \[ns of Unix time\].
+        first_unix_ns: i64,
+        /// Whether all times of the table are whole seconds.
+        whole_seconds: bool,
     },
     /// Frames come more slowly than the guideline wants.
     SlowSampling {
@@ -478,16 +494,27 @@ impl fmt::Display for Warning {
                 f,
                 "the weather record has no {what}: its condition was not checked"
             ),
-            Self::Repeated { rows, different } => {
-                write!(f, "rows with the time of an earlier row, left out: {rows}")?;
-                match different {
-                    0 => f.write_str("; they say the same"),
-                    _ => write!(
-                        f,
-                        ", of which {different} say otherwise than it; are they of one camera, and are the times \
-                         fine enough to tell its frames apart?"
-                    ),
-                }
+            Self::Repeated { rows } => write!(
+                f,
+                "rows that say again what an earlier one says of the same time, left out: {rows}"
+            ),
+            Self::Contradicted {
+                times,
+                rows,
+                whole_seconds,
+                ..
+            } => {
+                write!(
+                    f,
+                    "times of which rows contradict each other, left out: {times}, with {rows} rows; "
+                )?;
+                f.write_str(if *whole_seconds {
+                    "all times are whole seconds: wanted fractions of a second, as spot --start --fps writes them, or \
+                     as many digits as tell the frames apart"
+                } else {
+                    "wanted one row a frame, of one camera and one method, and times fine enough to tell its frames \
+                     apart"
+                })
             }
             Self::SlowSampling { found, wanted } => write!(
                 f,
@@ -557,8 +584,10 @@ pub struct Evaluation {
 
 /// Evaluates a campaign.
 ///
-/// The rows may stand in any order. Of rows of one time the first counts; the others are
-/// [`Repeated`](FrameStatus::Repeated), so that a table which holds frames twice is judged as if it held them once.
+/// The rows may stand in any order: nothing but the places of [`Evaluation::frames`] depends on it. Of rows that say
+/// the same of one time the first counts; the others are [`Repeated`](FrameStatus::Repeated), so that a table which
+/// holds frames twice is judged as if it held them once. Where rows of one time differ in status, place or standard
+/// deviation, all of them are [`Contradicted`](FrameStatus::Contradicted) and stand for one frame without a spot.
 ///
 /// # Errors
 /// [`AccuracyError`] without any spot, for a weather record whose times do not ascend or whose columns differ
@@ -655,7 +684,7 @@ pub fn evaluate(
     evaluation.warnings = warnings(&evaluation, spots, weather, setup, limits, options);
     evaluation
         .warnings
-        .extend(repeated(spots, &evaluation.frames, &order));
+        .extend(repeated(spots, &evaluation.frames));
     evaluation.clauses = clauses::clauses(&evaluation, weather, setup, limits, statements);
     Ok(evaluation)
 }
@@ -703,74 +732,112 @@ fn statuses(
         .and_then(|w| w.air_temperature_c.as_deref())
         .map(column);
     let [coldest, warmest] = limits.air_temperature_c;
-    let mut before = None;
-    for &row in order {
-        let (spot, frame) = (&spots[row], &mut frames[row]);
-        let Some(unix_ns) = spot.unix_ns else {
+    let same_time = |a: &usize, b: &usize| spots[*a].unix_ns == spots[*b].unix_ns;
+    for rows in order.chunk_by(same_time) {
+        let Some(unix_ns) = spots[rows[0]].unix_ns else {
             continue;
         };
-        if before.replace(unix_ns) == Some(unix_ns) {
-            frame.status = FrameStatus::Repeated;
-            continue;
-        }
         // all of them are asked, so that each goes along with time
         let each: Vec<Option<f64>> = winds.iter_mut().map(|wind| wind.at(unix_ns)).collect();
         let sum: Option<f64> = each.iter().copied().sum();
-        frame.wind_m_s = sum
-            .filter(|_| !each.is_empty())
-            .map(|sum| sum / each.len() as f64);
-        frame.dni_w_m2 = dni.as_mut().and_then(|column| column.at(unix_ns));
-        frame.air_temperature_c = air.as_mut().and_then(|column| column.at(unix_ns));
-        let found = if dni.is_some() && frame.dni_w_m2.is_none() {
-            FrameStatus::NoDni
-        } else if frame
+        let of_time = EvaluatedFrame {
+            wind_m_s: sum
+                .filter(|_| !each.is_empty())
+                .map(|sum| sum / each.len() as f64),
+            dni_w_m2: dni.as_mut().and_then(|column| column.at(unix_ns)),
+            air_temperature_c: air.as_mut().and_then(|column| column.at(unix_ns)),
+            ..empty
+        };
+        let bad_weather = if dni.is_some() && of_time.dni_w_m2.is_none() {
+            Some(FrameStatus::NoDni)
+        } else if of_time
             .dni_w_m2
             .is_some_and(|dni| dni <= limits.least_dni_w_m2)
         {
-            FrameStatus::LowDni
-        } else if air.is_some() && frame.air_temperature_c.is_none() {
-            FrameStatus::NoAirTemperature
-        } else if frame
+            Some(FrameStatus::LowDni)
+        } else if air.is_some() && of_time.air_temperature_c.is_none() {
+            Some(FrameStatus::NoAirTemperature)
+        } else if of_time
             .air_temperature_c
             .is_some_and(|t| t < coldest || t > warmest)
         {
-            FrameStatus::AirTemperature
-        } else if !winds.is_empty() && frame.wind_m_s.is_none() {
-            FrameStatus::NoWind
-        } else if let Some(status) = spot.status
-            && !options.accepted.contains(&status)
-        {
-            FrameStatus::Spot(status)
-        } else if spot.status.is_none() {
-            FrameStatus::Unreadable
-        } else if !spot.spot_m.is_some_and(|m| m.iter().all(|c| c.is_finite())) {
-            FrameStatus::NoPosition
+            Some(FrameStatus::AirTemperature)
+        } else if !winds.is_empty() && of_time.wind_m_s.is_none() {
+            Some(FrameStatus::NoWind)
         } else {
-            FrameStatus::Ok
+            None
         };
-        frame.status = found;
-        if let (FrameStatus::Ok, Some(spot_m)) = (found, spot.spot_m) {
-            frame.eta_mrad = Some(setup.eta_mrad(spot_m));
-            frame.angle_mrad = setup.angle_mrad(spot_m, setup.aim_m);
+        let first = rows[0];
+        let alike = rows
+            .iter()
+            .all(|&row| says(&spots[row]) == says(&spots[first]));
+        for &row in rows {
+            let spot = &spots[row];
+            let status = if alike && row != first {
+                frames[row].status = FrameStatus::Repeated;
+                continue;
+            } else if let Some(status) = bad_weather {
+                status
+            } else if !alike {
+                FrameStatus::Contradicted
+            } else if let Some(status) = spot.status
+                && !options.accepted.contains(&status)
+            {
+                FrameStatus::Spot(status)
+            } else if spot.status.is_none() {
+                FrameStatus::Unreadable
+            } else if !spot.spot_m.is_some_and(|m| m.iter().all(|c| c.is_finite())) {
+                FrameStatus::NoPosition
+            } else {
+                FrameStatus::Ok
+            };
+            frames[row] = EvaluatedFrame { status, ..of_time };
+            if let (FrameStatus::Ok, Some(spot_m)) = (status, spot.spot_m) {
+                frames[row].eta_mrad = Some(setup.eta_mrad(spot_m));
+                frames[row].angle_mrad = setup.angle_mrad(spot_m, setup.aim_m);
+            }
         }
     }
     frames
 }
 
+/// What a row says of its time, to the last bit.
+fn says(spot: &SpotRow) -> (Option<SpotStatus>, Option<[u64; 2]>, Option<u64>) {
+    // 0 and -0 are one
+    let bits = |value: f64| (value + 0.0).to_bits();
+    (
+        spot.status,
+        spot.spot_m.map(|spot_m| spot_m.map(bits)),
+        spot.sigma_m.map(bits),
+    )
+}
+
 /// What is to be said of rows that have the time of another.
-fn repeated(spots: &[SpotRow], frames: &[EvaluatedFrame], order: &[usize]) -> Option<Warning> {
-    let (mut rows, mut different) = (0, 0);
-    let mut counts = None;
-    for &row in order {
-        let spot = &spots[row];
-        if frames[row].status != FrameStatus::Repeated {
-            counts = Some((spot.status, spot.spot_m));
-            continue;
-        }
-        rows += 1;
-        different += usize::from(counts != Some((spot.status, spot.spot_m)));
+fn repeated(spots: &[SpotRow], frames: &[EvaluatedFrame]) -> Vec<Warning> {
+    let of = |status: FrameStatus| {
+        let rows = spots.iter().zip(frames);
+        rows.filter(move |(_, frame)| frame.status == status)
+            .filter_map(|(spot, _)| spot.unix_ns)
+    };
+    let mut warnings = Vec::new();
+    let rows = of(FrameStatus::Repeated).count();
+    if rows > 0 {
+        warnings.push(Warning::Repeated { rows });
     }
-    (rows > 0).then_some(Warning::Repeated { rows, different })
+    let mut times: Vec<i64> = of(FrameStatus::Contradicted).collect();
+    let rows = times.len();
+    times.sort_unstable();
+    times.dedup();
+    if let Some(&first_unix_ns) = times.first() {
+        let mut all = spots.iter().filter_map(|spot| spot.unix_ns);
+        warnings.push(Warning::Contradicted {
+            times: times.len(),
+            rows,
+            first_unix_ns,
+            whole_seconds: all.all(|ns| ns % 1_000_000_000 == 0),
+        });
+    }
+    warnings
 }
 
 fn counts(frames: &[EvaluatedFrame]) -> Vec<(FrameStatus, usize)> {

@@ -592,10 +592,7 @@ fn frames_that_stand_twice_count_once() {
         assert_eq!(found.clauses, once.clauses, "{what}");
         let repeated = found.counts.iter().find(|c| c.0 == FrameStatus::Repeated);
         assert_eq!(repeated, Some(&(FrameStatus::Repeated, more)), "{what}");
-        let said = Warning::Repeated {
-            rows: more,
-            different: 0,
-        };
+        let said = Warning::Repeated { rows: more };
         assert!(
             found.warnings.contains(&said),
             "{what}: {:?}",
@@ -610,26 +607,91 @@ fn frames_that_stand_twice_count_once() {
     );
 }
 
-/// Of rows that contradict each other the first counts, and it is said how many there are.
+/// Rows that contradict each other do not count, whichever stands first, and are told; what was a frame's place, status
+/// and standard deviation once is its place, status and standard deviation twice.
 #[test]
-fn rows_of_one_time_that_differ_are_told() {
+fn rows_of_one_time_that_differ_do_not_count() {
+    let sure = SpotRow {
+        sigma_m: Some(0.01),
+        ..spot(6, 0.1, 0.0)
+    };
+    let cut = SpotRow {
+        status: Some(SpotStatus::Cut),
+        ..spot(7, 0.1, 0.0)
+    };
     let rows = [
         spot(5, 0.1, 0.0),
         spot(4, 0.3, 0.4),
         spot(5, 0.2, 0.0),
         spot(5, 0.1, 0.0),
+        sure,
+        spot(6, 0.1, 0.0),
+        cut,
+        spot(7, 0.1, 0.0),
+        spot(4, 0.3, 0.4),
     ];
-    let found = judge(&rows, None, &plain_setup());
-    let statuses: Vec<FrameStatus> = found.frames.iter().map(|f| f.status).collect();
-    let (ok, again) = (FrameStatus::Ok, FrameStatus::Repeated);
-    assert_eq!(statuses, [ok, ok, again, again]);
-    let said = Warning::Repeated {
-        rows: 2,
-        different: 1,
-    };
-    assert!(found.warnings.contains(&said));
-    assert!(
-        said.to_string()
-            .contains("left out: 2, of which 1 say otherwise")
+    let found = judge(&rows, Some(&steady(4.0)), &plain_setup());
+    let statuses: Vec<&str> = found.frames.iter().map(|f| f.status.as_str()).collect();
+    let no = "contradicted";
+    assert_eq!(
+        statuses,
+        [no, "ok", no, no, no, no, no, no, "repeated"],
+        "{statuses:?}"
     );
+    let said = Warning::Contradicted {
+        times: 3,
+        rows: 7,
+        first_unix_ns: 5 * S,
+        whole_seconds: true,
+    };
+    assert!(found.warnings.contains(&said), "{:?}", found.warnings);
+    assert!(said.to_string().contains("left out: 3, with 7 rows"));
+    assert!(said.to_string().contains("fractions of a second"));
+    // each time is one frame of which nobody knows where it was
+    let bin = &found.judged[0].bin;
+    assert_eq!((bin.frames, bin.lost), (1, 3));
+}
+
+/// A tenth of the frames stand twice, differently, and some are empty the second time: every order gives the same.
+#[test]
+fn the_order_of_rows_changes_nothing() {
+    let campaign = Campaign {
+        seed: 4,
+        duration_s: 600.0,
+        frames_per_s: 5.0,
+        ..Campaign::default()
+    };
+    let (mut rows, weather) = campaign.simulate();
+    for k in (0..rows.len()).step_by(10) {
+        let mut other = rows[k];
+        match k % 40 {
+            0 => other.spot_m = Some([2.0, 0.0]),
+            10 => (other.spot_m, other.status) = (None, Some(SpotStatus::Empty)),
+            20 => other.sigma_m = Some(0.5),
+            _ => other.spot_m = Some([f64::NAN, 0.0]),
+        }
+        rows.push(other);
+    }
+    let setup = Setup {
+        slant_m: campaign.slant_m,
+        ..plain_setup()
+    };
+    let once = judge(&rows, Some(&weather), &setup);
+    assert_eq!(once.counts[1], (FrameStatus::Contradicted, 600));
+    let mut dice = Dice::new(7);
+    for turn in 0..6 {
+        if turn == 0 {
+            rows.reverse();
+        } else {
+            for end in (1..rows.len()).rev() {
+                rows.swap(end, (dice.uniform() * (end + 1) as f64) as usize);
+            }
+        }
+        let again = judge(&rows, Some(&weather), &setup);
+        let without_rows = |found: &Evaluation| Evaluation {
+            frames: Vec::new(),
+            ..found.clone()
+        };
+        assert_eq!(without_rows(&again), without_rows(&once), "turn {turn}");
+    }
 }

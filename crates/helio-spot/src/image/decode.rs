@@ -173,9 +173,9 @@ pub enum DecodeError {
 pub fn decode(bytes: &[u8], limits: &Limits) -> Result<Frame, DecodeError> {
     let format = format_of(bytes)?;
     // Fuzzing found files at which decoders panic (png 0.18.1: a palette of one byte; zune-jpeg 0.5.15).
-    let decoding = Decoding::begin();
+    DECODING.set(true);
     let read = panic::catch_unwind(|| decode_as(format, bytes, limits));
-    drop(decoding);
+    DECODING.set(false);
     read.unwrap_or_else(|_| {
         Err(DecodeError::Broken {
             format: name_of(format),
@@ -204,22 +204,6 @@ thread_local! {
 #[must_use]
 pub fn is_decoding() -> bool {
     DECODING.get()
-}
-
-/// As long as it lives, this thread decodes.
-struct Decoding;
-
-impl Decoding {
-    fn begin() -> Self {
-        DECODING.set(true);
-        Self
-    }
-}
-
-impl Drop for Decoding {
-    fn drop(&mut self) {
-        DECODING.set(false);
-    }
 }
 
 fn decode_as(format: ImageFormat, bytes: &[u8], limits: &Limits) -> Result<Frame, DecodeError> {
