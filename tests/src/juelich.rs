@@ -1,7 +1,7 @@
 //! The recorded heliostats of Jülich as observations.
 
 use std::collections::HashMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use helio_calib::{Mount, Observation};
 use helio_core::{Enu, EnuUnit, MountAxes, PoseErrors, TargetPlane, TrackingMode};
@@ -60,6 +60,70 @@ pub fn targets(juelich: &Path) -> Vec<(String, TargetPlane)> {
         .collect();
     targets.sort_by(|a, b| a.0.cmp(&b.0));
     targets
+}
+
+/// Writes field.toml and layout.csv of one heliostat as it was surveyed, without errors, with all targets and its two
+/// drives. Returns where the field.toml is.
+///
+/// # Panics
+/// If a file is not there or not as described, or cannot be written.
+#[must_use]
+pub fn write_field(juelich: &Path, heliostat: &str, folder: &Path) -> PathBuf {
+    let mut text = String::from(
+        "[site]\nlatitude_deg = 50.9134211\nlongitude_deg = 6.3878248\nelevation_m = 87\n",
+    );
+    let mut add = |line: std::fmt::Arguments<'_>| text.push_str(&format!("{line}\n"));
+    let planes = std::fs::read_to_string(juelich.join("target_planes.json"));
+    let planes: serde_json::Map<String, serde_json::Value> =
+        serde_json::from_str(&planes.expect("target_planes.json")).expect("target_planes.json");
+    for (name, plane) in planes {
+        add(format_args!("[targets.{name}]"));
+        for (ours, theirs) in [
+            ("centre_enu_m", "centre_enu_m"),
+            ("normal_enu", "normal_to_camera_enu"),
+            ("right_enu", "right_unit_enu"),
+            ("width_m", "width_m"),
+            ("height_m", "height_m"),
+        ] {
+            add(format_args!("{ours} = {}", plane[theirs]));
+        }
+    }
+    let tables = juelich.join("calibration");
+    let of = |table: &Table, also: &dyn Fn(usize) -> bool| {
+        (0..table.len())
+            .find(|&row| table.text(row, "heliostat") == heliostat && also(row))
+            .expect("a known heliostat")
+    };
+    let surveyed = Table::read(tables.join("heliostats.csv"));
+    let row = of(&surveyed, &|_| true);
+    let at = ["east_m", "north_m", "up_m"].map(|name| surveyed.text(row, name));
+    let layout = format!("id,east_m,north_m,up_m\n{heliostat},{}\n", at.join(","));
+    std::fs::write(folder.join("layout.csv"), layout).expect("layout.csv");
+    add(format_args!(
+        "[heliostats]\ntable = \"layout.csv\"\naim = \"multi_focus_tower\"\nmode = \"pitch-roll\"\n\
+         axis_azimuth_deg = 90\nmirror_offset_m = {}",
+        surveyed.text(row, "mirror_pivot_offset_m")
+    ));
+    let actuators = Table::read(tables.join("actuators.csv"));
+    for (axis, sign) in [("1", -1), ("2", 1)] {
+        let row = of(&actuators, &|row| actuators.text(row, "axis") == axis);
+        add(format_args!(
+            "[heliostats.drive.axis{axis}]\ntype = \"triangle\"\nsign = {sign}"
+        ));
+        for name in [
+            "clockwise_axis_movement",
+            "increment_steps_per_m",
+            "offset_m",
+            "pivot_radius_m",
+            "initial_stroke_length_m",
+            "initial_angle_rad",
+        ] {
+            add(format_args!("{name} = {}", actuators.text(row, name)));
+        }
+    }
+    let path = folder.join("field.toml");
+    std::fs::write(&path, text).expect("field.toml");
+    path
 }
 
 /// Who found the spots.

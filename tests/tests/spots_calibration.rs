@@ -12,8 +12,7 @@ use std::path::Path;
 use helio_calib::{FitOptions, Mount, Observation, Parameters, beam_errors_mrad, fit};
 use helio_io::output::{Destination, Format};
 use helio_io::{
-    LoadedField, SpotRow, load_field, load_observations_with_spots, load_spots, load_target,
-    write_spots,
+    SpotRow, load_field, load_observations_with_spots, load_spots, load_target, write_spots,
 };
 use helio_spot::{Frame, Limits, Plane, RobustOptions, SpotScratch, decode, find_spot};
 use helio_tests::data::{self, Table};
@@ -48,71 +47,6 @@ fn plane_of_crop(folder: &Path, size_m: [f64; 2]) -> Plane {
     load_target(&path).unwrap().plane.unwrap()
 }
 
-/// field.toml with the three targets and the heliostat as it was surveyed, without errors.
-fn field(juelich: &Path, folder: &Path) -> LoadedField {
-    let mut text = String::from(
-        "[site]\nlatitude_deg = 50.9134211\nlongitude_deg = 6.3878248\nelevation_m = 87\n",
-    );
-    let planes = std::fs::read_to_string(juelich.join("target_planes.json")).unwrap();
-    let planes: serde_json::Value = serde_json::from_str(&planes).unwrap();
-    for (name, plane) in planes.as_object().unwrap() {
-        writeln!(
-            text,
-            "[targets.{name}]\ncentre_enu_m = {}\nnormal_enu = {}\nright_enu = {}\nwidth_m = {}\nheight_m = {}",
-            plane["centre_enu_m"],
-            plane["normal_to_camera_enu"],
-            plane["right_unit_enu"],
-            plane["width_m"],
-            plane["height_m"]
-        )
-        .unwrap();
-    }
-    let of_heliostat = |table: &Table, also: &dyn Fn(usize) -> bool| {
-        (0..table.len())
-            .find(|&row| table.text(row, "heliostat") == HELIOSTAT && also(row))
-            .unwrap()
-    };
-    let heliostats = Table::read(juelich.join("calibration/heliostats.csv"));
-    let row = of_heliostat(&heliostats, &|_| true);
-    let at = |name: &str| heliostats.text(row, name);
-    let layout = format!(
-        "id,east_m,north_m,up_m\n{HELIOSTAT},{},{},{}\n",
-        at("east_m"),
-        at("north_m"),
-        at("up_m")
-    );
-    std::fs::write(folder.join("layout.csv"), layout).unwrap();
-    writeln!(
-        text,
-        "[heliostats]\ntable = \"layout.csv\"\naim = \"multi_focus_tower\"\nmode = \"pitch-roll\"\n\
-         axis_azimuth_deg = 90\nmirror_offset_m = {}",
-        at("mirror_pivot_offset_m")
-    )
-    .unwrap();
-    let actuators = Table::read(juelich.join("calibration/actuators.csv"));
-    for (axis, sign) in [("1", -1), ("2", 1)] {
-        let row = of_heliostat(&actuators, &|row| actuators.text(row, "axis") == axis);
-        writeln!(
-            text,
-            "[heliostats.drive.axis{axis}]\ntype = \"triangle\"\nsign = {sign}"
-        )
-        .unwrap();
-        for name in [
-            "clockwise_axis_movement",
-            "increment_steps_per_m",
-            "offset_m",
-            "pivot_radius_m",
-            "initial_stroke_length_m",
-            "initial_angle_rad",
-        ] {
-            writeln!(text, "{name} = {}", actuators.text(row, name)).unwrap();
-        }
-    }
-    let path = folder.join("field.toml");
-    std::fs::write(&path, text).unwrap();
-    load_field(&path).unwrap()
-}
-
 fn rms(values: impl IntoIterator<Item = f64>) -> f64 {
     let (sum, count) = values.into_iter().fold((0.0, 0), |(sum, count), value| {
         (sum + value * value, count + 1)
@@ -131,7 +65,8 @@ fn seven_frames_correct_a_heliostat() {
     };
     let juelich = data.join("juelich");
     let folder = tempfile::tempdir().unwrap();
-    let loaded = field(&juelich, folder.path());
+    let field = juelich::write_field(&juelich, HELIOSTAT, folder.path());
+    let loaded = load_field(&field).unwrap();
 
     // Frames into a table of spots, records into a log of axis steps.
     let mut spots = Vec::new();

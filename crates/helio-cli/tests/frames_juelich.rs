@@ -13,6 +13,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use common::{Folder, rows};
+use helio_tests::juelich::write_field;
 use serde_json::Value;
 
 const HELIOSTAT: &str = "AA39";
@@ -30,61 +31,6 @@ fn planes(juelich: &Path) -> serde_json::Map<String, Value> {
     planes.as_object().unwrap().clone()
 }
 
-/// field.toml with the targets and the heliostat as it was surveyed.
-fn field(juelich: &Path, folder: &Folder) {
-    let mut text = String::from(
-        "[site]\nlatitude_deg = 50.9134211\nlongitude_deg = 6.3878248\nelevation_m = 87\n",
-    );
-    for (name, plane) in planes(juelich) {
-        writeln!(
-            text,
-            "[targets.{name}]\ncentre_enu_m = {}\nnormal_enu = {}\nright_enu = {}\nwidth_m = {}\nheight_m = {}",
-            plane["centre_enu_m"],
-            plane["normal_to_camera_enu"],
-            plane["right_unit_enu"],
-            plane["width_m"],
-            plane["height_m"]
-        )
-        .unwrap();
-    }
-    let of = |name: &str| {
-        let mut rows = table(&juelich.join("calibration").join(name));
-        rows.retain(|row| row["heliostat"] == HELIOSTAT);
-        rows
-    };
-    let surveyed = of("heliostats.csv").remove(0);
-    let at = ["east_m", "north_m", "up_m"].map(|name| surveyed[name].as_str());
-    let layout = format!("id,east_m,north_m,up_m\n{HELIOSTAT},{}\n", at.join(","));
-    folder.write("layout.csv", layout);
-    writeln!(
-        text,
-        "[heliostats]\ntable = \"layout.csv\"\naim = \"multi_focus_tower\"\nmode = \"pitch-roll\"\n\
-         axis_azimuth_deg = 90\nmirror_offset_m = {}",
-        surveyed["mirror_pivot_offset_m"]
-    )
-    .unwrap();
-    for row in of("actuators.csv") {
-        let axis = row["axis"].as_str();
-        let sign = if axis == "1" { -1 } else { 1 };
-        writeln!(
-            text,
-            "[heliostats.drive.axis{axis}]\ntype = \"triangle\"\nsign = {sign}"
-        )
-        .unwrap();
-        for name in [
-            "clockwise_axis_movement",
-            "increment_steps_per_m",
-            "offset_m",
-            "pivot_radius_m",
-            "initial_stroke_length_m",
-            "initial_angle_rad",
-        ] {
-            writeln!(text, "{name} = {}", row[name]).unwrap();
-        }
-    }
-    folder.write("field.toml", text);
-}
-
 #[test]
 fn seven_frames_correct_a_heliostat() {
     let Some(data) = std::env::var_os("HELIO_DATA") else {
@@ -93,7 +39,7 @@ fn seven_frames_correct_a_heliostat() {
     };
     let juelich = std::fs::canonicalize(data).unwrap().join("juelich");
     let folder = Folder::empty();
-    field(&juelich, &folder);
+    let _ = write_field(&juelich, HELIOSTAT, folder.path());
     let crop = |id: &str| juelich.join("crops").join(format!("{id}-cropped.png"));
     let mut records = table(&juelich.join("calibration").join(format!("{HELIOSTAT}.csv")));
     records.retain(|row| row["epoch"] == "3" && crop(&row["record_id"]).exists());

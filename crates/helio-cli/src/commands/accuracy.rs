@@ -359,7 +359,7 @@ impl About<'_> {
             .judged
             .iter()
             .map(|judged| {
-                let mut bin = bin(&judged.bin);
+                let mut bin = bin(&judged.bin, setup);
                 bin.insert("wind_m_s".to_owned(), json!(judged.limit.wind_m_s));
                 bin.insert("limit".to_owned(), json!(judged.limit.share));
                 bin.insert("interval_is".to_owned(), json!(judged.outcome.as_str()));
@@ -372,7 +372,7 @@ impl About<'_> {
         let histogram: Vec<Value> = found
             .histogram
             .iter()
-            .map(|b| Value::Object(bin(b)))
+            .map(|b| Value::Object(bin(b, setup)))
             .collect();
         let clauses: Vec<Value> = found
             .clauses
@@ -419,7 +419,7 @@ impl About<'_> {
             "verdict": found.verdict.as_str(),
             "printed_rule": found.printed_verdict.map(|good| if good { "qualified" } else { "not qualified" }),
             "shares": shares,
-            "figures": found.figures.as_ref().map(figures),
+            "figures": found.figures.as_ref().map(|f| figures(f, setup)),
             "histogram": histogram,
             "frames": counts,
             "counted_from": time(0),
@@ -503,7 +503,10 @@ impl About<'_> {
             ));
         }
         if let Some(figures) = &found.figures {
-            let of = |f: &Figure| format!("{:.3} ± {:.3} mrad", f.mrad, f.uncertainty_mrad());
+            let of = |f: &Figure| match f.uncertainty_mrad() {
+                unsure if unsure.is_finite() => format!("{:.3} ± {unsure:.3} mrad", f.mrad),
+                _ => format!("{:.3} mrad (nobody knows how certain)", f.mrad),
+            };
             printer.say(format_args!(
                 "accuracy {}, precision {}, bias {}",
                 of(&figures.accuracy),
@@ -514,7 +517,10 @@ impl About<'_> {
         for judged in &found.judged {
             let bin = &judged.bin;
             let Some(share) = bin.share else {
-                printer.say(format_args!("{} m/s: no frames", judged.limit.wind_m_s));
+                printer.say(format_args!(
+                    "{} m/s: no frame counted",
+                    judged.limit.wind_m_s
+                ));
                 continue;
             };
             let word = match judged.outcome {
@@ -548,7 +554,7 @@ impl About<'_> {
     }
 }
 
-fn bin(bin: &WindBin) -> Map<String, Value> {
+fn bin(bin: &WindBin, setup: &Setup) -> Map<String, Value> {
     let value = json!({
         "from_m_s": bin.from_m_s,
         "to_m_s": bin.to_m_s,
@@ -562,7 +568,7 @@ fn bin(bin: &WindBin) -> Map<String, Value> {
         "sampling_interval": bin.sampling,
         "instruments_lower_raise": bin.instruments,
         "interval": bin.interval,
-        "figures": bin.figures.as_ref().map(figures),
+        "figures": bin.figures.as_ref().map(|f| figures(f, setup)),
     });
     match value {
         Value::Object(map) => map,
@@ -570,16 +576,18 @@ fn bin(bin: &WindBin) -> Map<String, Value> {
     }
 }
 
-fn figures(figures: &Figures) -> Value {
+/// Figures with one standard deviation from each cause; null is what was not stated, or what nobody knows.
+fn figures(figures: &Figures, setup: &Setup) -> Value {
+    let unsure = setup.uncertainty;
     let one = |figure: &Figure| {
         json!({
             "mrad": figure.mrad,
             "sigma_mrad": figure.uncertainty_mrad(),
             "sigma_sampling_mrad": figure.sampling_mrad,
-            "sigma_slant_mrad": figure.slant_mrad,
-            "sigma_pixel_scale_mrad": figure.scale_mrad,
-            "sigma_survey_mrad": figure.survey_mrad,
-            "sigma_centre_mrad": figure.camera_mrad,
+            "sigma_slant_mrad": unsure.slant_m.map(|_| figure.slant_mrad),
+            "sigma_pixel_scale_mrad": unsure.scale.map(|_| figure.scale_mrad),
+            "sigma_survey_mrad": unsure.survey_m.map(|_| figure.survey_mrad),
+            "sigma_centre_mrad": (figures.centre_noise_mrad > 0.0).then_some(figure.camera_mrad),
         })
     };
     json!({

@@ -62,7 +62,7 @@ pub(super) fn by_wind(page: &AccuracyPage<'_>) -> String {
     let mut canvas = Canvas::new(TOP + 300.0 + 46.0);
     let fastest = found.histogram.last().map_or(14.0, |bin| bin.to_m_s);
     if !found.histogram.iter().any(|bin| bin.frames > 0) {
-        canvas.nothing(place, "no frame has a wind speed");
+        canvas.nothing(place, "no counted frame has a wind speed");
     } else {
         let across = Axis::new(
             (0.0, fastest),

@@ -108,8 +108,8 @@ fn verdict(page: &AccuracyPage<'_>) -> String {
             "The printed rule, which compares the shares themselves with the limits, reads: not qualified."
         }
         None => {
-            "The printed rule, which compares the shares themselves with the limits, cannot be read: a wind speed has \
-             no frames."
+            "The printed rule, which compares the shares themselves with the limits, cannot be read: at a wind speed \
+             no frame is counted."
         }
     };
     let count = |outcome| {

@@ -20,7 +20,7 @@ pub(super) fn percent(share: f64, decimals: usize) -> String {
 
 fn interval(ends: [f64; 2]) -> String {
     let [low, high] = ends.map(|end| 100.0 * end);
-    format!("{low:.1} to {high:.1}\u{202f}%")
+    format!("{low:.2} to {high:.2}\u{202f}%")
 }
 
 fn whole(value: f64) -> String {
@@ -84,7 +84,7 @@ pub(super) fn shares(page: &AccuracyPage<'_>) -> String {
                 "At {at} m/s there are frames enough: what keeps the interval open are the instruments, or the frames \
                  without a spot."
             ),
-            None if judged.bin.frames == 0 => format!("At {at} m/s there are no frames."),
+            None if judged.bin.frames == 0 => format!("At {at} m/s no frame is counted."),
             None => format!("At {at} m/s the share is too close to the limit to be told from it."),
         };
         let _ = writeln!(html, "<p>{}</p>", Escaped(&text));
@@ -103,31 +103,54 @@ pub(super) fn figures(page: &AccuracyPage<'_>) -> String {
          <td class=\"n soft\">mean spot from<br/>the aim point</td></tr>\n",
     );
     let three = [&figures.accuracy, &figures.precision, &figures.bias];
-    let mut row = |name: &str, of: &dyn Fn(&Figure) -> f64, bold: bool| {
+    let mut row = |name: &str, of: Option<&dyn Fn(&Figure) -> f64>, bold: bool| {
         let _ = write!(html, "<tr><td class=\"t\">{name}</td>");
+        let Some(of) = of else {
+            html.push_str("<td colspan=\"3\">not stated, counts as nothing</td></tr>\n");
+            return;
+        };
         for figure in three {
             let value = of(figure);
             let _ = if bold {
                 write!(html, "<td class=\"n\"><b>{value:.3}</b></td>")
-            } else {
+            } else if value.is_finite() {
                 write!(html, "<td class=\"n\">{value:.3}</td>")
+            } else {
+                write!(html, "<td class=\"n\">unknown</td>")
             };
         }
         html.push_str("</tr>\n");
     };
-    row("by formula (1)", &|f| f.mrad, true);
-    row("one standard deviation", &Figure::uncertainty_mrad, false);
-    for (name, of) in [
+    row("by formula (1)", Some(&|f| f.mrad), true);
+    row(
+        "one standard deviation",
+        Some(&Figure::uncertainty_mrad),
+        false,
+    );
+    row(
+        "… from the number of frames",
+        Some(&|f| f.sampling_mrad),
+        false,
+    );
+    let unsure = page.setup.uncertainty;
+    for (name, stated, of) in [
         (
-            "… from the number of frames",
-            (|f| f.sampling_mrad) as fn(&Figure) -> f64,
+            "distance",
+            unsure.slant_m.is_some(),
+            (|f| f.slant_mrad) as fn(&Figure) -> f64,
         ),
-        ("… from the distance", |f| f.slant_mrad),
-        ("… from the pixel scale", |f| f.scale_mrad),
-        ("… from the survey of the target", |f| f.survey_mrad),
-        ("… from the centres of the spots", |f| f.camera_mrad),
+        ("pixel scale", unsure.scale.is_some(), |f| f.scale_mrad),
+        ("survey of the target", unsure.survey_m.is_some(), |f| {
+            f.survey_mrad
+        }),
+        (
+            "centres of the spots",
+            figures.centre_noise_mrad > 0.0,
+            |f| f.camera_mrad,
+        ),
     ] {
-        row(name, &of, false);
+        let of: Option<&dyn Fn(&Figure) -> f64> = if stated { Some(&of) } else { None };
+        row(&format!("… from the {name}"), of, false);
     }
     match figures.defined_mrad {
         Some(three) => {

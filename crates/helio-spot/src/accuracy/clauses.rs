@@ -260,7 +260,7 @@ pub(super) fn clauses(
                     if binned {
                         "shares at all wind speeds are drawn as in figure 3"
                     } else {
-                        "no frame has a wind speed"
+                        "no counted frame has a wind speed"
                     },
                 )
                 .done()
@@ -440,7 +440,7 @@ fn thresholds(found: &Evaluation, limits: &Limits) -> Clause {
             if empty.is_empty() {
                 "all wind speeds with a limit have frames".to_owned()
             } else {
-                format!("no frames at {} m/s", empty.join(", "))
+                format!("no counted frames at {} m/s", empty.join(", "))
             },
         )
         .done()

@@ -10,7 +10,8 @@ use super::{Frames, Setup, Target};
 pub struct Figure {
     /// The figure.
     pub mrad: f64,
-    /// From the finite number of independent frames, for the winds that blew.
+    /// From the finite number of independent frames, for the winds that blew; infinite where there are no more frames
+    /// than winds, whole metres per second, so that nothing tells.
     pub sampling_mrad: f64,
     /// From the distance.
     pub slant_mrad: f64,
@@ -98,7 +99,9 @@ pub(super) fn figures(frames: &Frames, setup: &Setup) -> Option<Figures> {
     // the square root of a mean of squares: its error is that of the mean over twice the root
     let of_root = |error_m2: f64, figure: f64| {
         let root_m = figure / mrad_per_m;
-        if root_m > 0.0 {
+        if error_m2.is_infinite() {
+            f64::INFINITY
+        } else if root_m > 0.0 {
             0.5 * error_m2 / root_m * mrad_per_m
         } else {
             0.0
@@ -211,7 +214,14 @@ impl Frames {
             let (sum, count) = means.get(&stratum(wind)).copied().unwrap_or((0.0, 1.0));
             *value -= sum / count;
         }
-        let variance = values.iter().map(|v| v * v).sum::<f64>() / n;
+        // each mean takes a degree of freedom
+        let freedom = n - means.len() as f64;
+        let squares = values.iter().map(|v| v * v).sum::<f64>();
+        let variance = if freedom > 0.0 {
+            squares / freedom
+        } else {
+            f64::INFINITY
+        };
         let effect = design_effect(&self.ticks, &values).factor;
         (libm::sqrt(effect * variance / n), effect)
     }

@@ -681,10 +681,9 @@ pub fn evaluate(
         clauses: Vec::new(),
         frames,
     };
-    evaluation.warnings = warnings(&evaluation, spots, weather, setup, limits, options);
-    evaluation
-        .warnings
-        .extend(repeated(spots, &evaluation.frames));
+    evaluation.warnings = repeated(spots, &evaluation.frames);
+    let others = warnings(&evaluation, spots, weather, setup, limits, options);
+    evaluation.warnings.extend(others);
     evaluation.clauses = clauses::clauses(&evaluation, weather, setup, limits, statements);
     Ok(evaluation)
 }

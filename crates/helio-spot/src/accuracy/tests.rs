@@ -306,6 +306,33 @@ fn sampling_errors_are_as_stated() {
     }
 }
 
+/// What frames cannot tell is not called certain: one frame, or each at another wind.
+#[test]
+fn few_frames_do_not_know_how_certain_they_are() {
+    let weather = Weather {
+        unix_ns: (0..10).map(|i| i * 10 * S).collect(),
+        wind_m_s: vec![(0..10).map(f64::from).collect()],
+        ..Weather::default()
+    };
+    for n in [1, 3] {
+        let spots: Vec<SpotRow> = (0..n).map(|i| spot(10 * i, 0.1 * i as f64, 0.0)).collect();
+        let figures = judge(&spots, Some(&weather), &plain_setup())
+            .figures
+            .unwrap();
+        for figure in [figures.accuracy, figures.precision, figures.bias] {
+            assert_eq!(figure.sampling_mrad, f64::INFINITY, "{n}");
+            assert_eq!(figure.uncertainty_mrad(), f64::INFINITY, "{n}");
+        }
+    }
+    // three of one wind: one stratum, two degrees of freedom, and no lag that tells of a correlation
+    let spots = [spot(0, 0.0, 0.0), spot(1, 0.1, 0.0), spot(2, 0.2, 0.0)];
+    let bias = judge(&spots, Some(&weather), &plain_setup())
+        .figures
+        .unwrap()
+        .bias;
+    assert!((bias.sampling_mrad - 1.0).abs() < 1e-12, "{bias:?}");
+}
+
 #[test]
 fn lost_frames_widen_the_interval_to_both_sides() {
     let clean = Campaign {
@@ -694,4 +721,109 @@ fn the_order_of_rows_changes_nothing() {
         };
         assert_eq!(without_rows(&again), without_rows(&once), "turn {turn}");
     }
+}
+
+/// Correlation of "within the angle" of two spots whose components, Gaussian of one standard deviation, are correlated
+/// by φ; x is half the square of the angle over that deviation. The joint density of the two squares is a series of
+/// Laguerre polynomials (Hille and Hardy), of which the integrals up to x are e⁻ˣ (Lₖ₋₁(x) − Lₖ(x)).
+fn correlation_within(x: f64, phi: f64) -> f64 {
+    let within = -(-x).exp_m1();
+    let (mut before, mut laguerre) = (1.0, 1.0 - x);
+    let mut sum = 0.0;
+    for k in 1..4000 {
+        let k = f64::from(k);
+        let part = (-x).exp() * (before - laguerre);
+        sum += part * part * phi.powf(2.0 * k);
+        let next = ((2.0 * k + 1.0 - x) * laguerre - k * before) / (k + 1.0);
+        (before, laguerre) = (laguerre, next);
+    }
+    sum / (within * (1.0 - within))
+}
+
+/// Campaigns thinned in three ways: as many independent frames as the sum over all pairs of frames says, and verdicts
+/// at a true share exactly at the limit no more often wrong than promised.
+#[test]
+fn thinned_campaigns_tell_what_their_pairs_tell() {
+    // a share of 0.8 at every wind, as the wind is always the same
+    let x = 5.0_f64.ln();
+    let campaign = Campaign {
+        bias_mrad: [0.0; 2],
+        duration_s: 3600.0,
+        frames_per_s: 5.0,
+        memory_s: 3.0,
+        calm_mrad: 3.5 / (2.0 * x).sqrt(),
+        gust_mrad: 0.0,
+        wind_m_s: [8.0, 8.0],
+        sigma_m: 0.0,
+        ..Campaign::default()
+    };
+    let mut limits = Limits::grlm();
+    limits.shares = vec![ShareLimit {
+        wind_m_s: 8.0,
+        share: campaign.share_without_bias(3.5, 7.0, 9.0),
+    }];
+    assert!((limits.shares[0].share - 0.8).abs() < 1e-9);
+    // summed in full, the series is 1
+    assert!((correlation_within(x, 1.0) - 1.0).abs() < 0.02);
+    let of_lag: Vec<f64> = (0..500_i32)
+        .map(|lag| match lag {
+            0 => 1.0,
+            _ => correlation_within(x, (-f64::from(lag) / 15.0).exp()),
+        })
+        .collect();
+    let kept: [(&str, fn(usize, &mut Dice) -> bool); 3] = [
+        ("3 of every 25", |i, _| i % 25 < 3),
+        ("a tenth at random", |_, dice| dice.uniform() < 0.1),
+        ("12 s of every 2 min", |i, _| i % 600 < 60),
+    ];
+    let seeds: u64 = std::env::var("HELIO_SEEDS").map_or(25, |seeds| seeds.parse().unwrap());
+    let mut wrong = [0, 0];
+    for (name, keep) in kept {
+        let one = |seed: u64| {
+            let (spots, weather) = Campaign { seed, ..campaign }.simulate();
+            let mut dice = Dice::new(1000 + seed);
+            let rows: Vec<usize> = (0..spots.len()).filter(|&i| keep(i, &mut dice)).collect();
+            let mut pairs = 0.0;
+            for (k, row) in rows.iter().enumerate() {
+                let later = rows[k..].iter().map_while(|other| of_lag.get(other - row));
+                pairs += 2.0 * later.sum::<f64>() - 1.0;
+            }
+            let truth = (rows.len() * rows.len()) as f64 / pairs;
+            let thinned: Vec<SpotRow> = rows.iter().map(|&row| spots[row]).collect();
+            let (options, said) = (Options::default(), Statements::default());
+            let setup = plain_setup();
+            let found = evaluate(&thinned, Some(&weather), &setup, &limits, &options, &said);
+            let found = found.unwrap();
+            (
+                found.judged[0].bin.independent_frames / truth,
+                truth,
+                found.verdict,
+            )
+        };
+        let all: Vec<(f64, f64, Verdict)> = (0..seeds).into_par_iter().map(one).collect();
+        let mut ratios: Vec<f64> = all.iter().map(|one| one.0).collect();
+        ratios.sort_by(f64::total_cmp);
+        let mean = ratios.iter().sum::<f64>() / ratios.len() as f64;
+        let count = |verdict| all.iter().filter(|one| one.2 == verdict).count();
+        let counts = [count(Verdict::Qualified), count(Verdict::NotQualified)];
+        println!(
+            "{name}: {:.0} independent by all pairs, found over that {mean:.2} ({:.2} to {:.2}); wrongly qualified {}, \
+             wrongly not {} of {seeds}",
+            all[0].1,
+            ratios[0],
+            ratios[ratios.len() - 1],
+            counts[0],
+            counts[1]
+        );
+        // of thirty bursts the estimate scatters by a third, the mean of 25 by 0.07
+        assert!((0.75..1.25).contains(&mean), "{name}: {mean}");
+        wrong = [wrong[0] + counts[0], wrong[1] + counts[1]];
+    }
+    // 2.5 % of 75 are 1.9; 8 or more are less likely than one in a thousand
+    let most = if seeds == 25 {
+        7
+    } else {
+        seeds as usize * 3 / 25
+    };
+    assert!(wrong.iter().all(|wrong| *wrong <= most), "{wrong:?}");
 }
