@@ -101,6 +101,13 @@ fn verdicts_and_numbers_of_the_report() {
         let hash = found["files"][0]["sha256"].as_str().unwrap();
         assert_eq!(hash.len(), 64);
         assert!(page.contains(hash) && page.contains("clause by clause"));
+        // what was not stated is no zero
+        let accuracy = &found["figures"]["accuracy"];
+        assert!(
+            accuracy["sigma_slant_mrad"].is_null() && accuracy["sigma_centre_mrad"].is_number()
+        );
+        let unstated = "<td class=\"t\">… from the distance</td><td colspan=\"3\">not stated";
+        assert!(page.contains(unstated));
     }
 }
 
