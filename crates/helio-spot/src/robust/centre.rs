@@ -29,6 +29,8 @@ pub(super) struct Centre {
     pub(super) twin: bool,
     /// Another lump's light meets it.
     pub(super) beside: bool,
+    /// Its highest light at the target's edge.
+    pub(super) at_edge: f64,
 }
 
 impl Centre {
@@ -86,28 +88,34 @@ impl Gaussian {
 
 /// A coarse cell of the lump.
 #[derive(Debug, Clone, Copy)]
-struct Part {
-    column: f64,
-    row: f64,
+pub(super) struct Part {
+    pub(super) column: f64,
+    pub(super) row: f64,
     /// Middle and derivative on the target.
-    place_m: [f64; 2],
+    pub(super) place_m: [f64; 2],
     slopes: [[f64; 2]; 2],
-    /// Sum of the weights of its fine cells and of their squares.
-    mask: f64,
+    /// Its area on the target: of a fine cell, and with the weights of its fine cells.
+    area: f64,
+    pub(super) covered: f64,
+    /// Sum of the squares of those weights.
     mask_squared: f64,
     /// Of the light around.
     brighter: f64,
     /// Smoothed light above it.
-    smooth: f64,
+    pub(super) smooth: f64,
     /// Its light, weighted by its area on the target.
-    light: f64,
+    pub(super) light: f64,
+    /// What noise makes of that.
+    pub(super) variance: f64,
+    /// What light may be under marks.
+    pub(super) hidden: f64,
     /// Some of it is as bright as the camera can tell.
     saturated: bool,
 }
 
 #[derive(Debug, Default)]
 pub(super) struct CentreScratch {
-    parts: Vec<Part>,
+    pub(super) parts: Vec<Part>,
     bends: Vec<f32>,
     /// Fine cells that counted for more than a half, row by row.
     counted: Vec<bool>,
@@ -133,6 +141,7 @@ impl CentreScratch {
         let mut lost = Sums::default();
         let mut centre = Centre {
             foot: f64::from(foot),
+            at_edge: f64::from(lump.at_edge),
             ..Centre::default()
         };
         self.parts.clear();
@@ -162,13 +171,17 @@ impl CentreScratch {
                     row: middle[1],
                     place_m,
                     slopes,
-                    mask: 0.0,
+                    area,
+                    covered: 0.0,
                     mask_squared: 0.0,
                     brighter: 1.0,
                     smooth: f64::from(corners[1][1]),
                     light: 0.0,
+                    variance: 0.0,
+                    hidden: 0.0,
                     saturated: false,
                 };
+                let mut cells_counted = 0.0;
                 // The light around is even enough within a coarse cell, but at a shadow's edge.
                 let even = light.is_even(middle[0], middle[1]);
                 let level = light.at(middle[0], middle[1]);
@@ -185,12 +198,13 @@ impl CentreScratch {
                     let y = fine_row as f64 - middle[1];
                     let values = &cells.fine.row(fine_row)[columns.clone()];
                     for (k, &value) in values.iter().enumerate() {
-                        if value.is_nan() {
-                            continue;
-                        }
                         let x = k as f64 - 1.5;
                         let smooth = between(&corners, x as f32, y as f32);
                         let mask = ((smooth - 0.5 * foot) / (0.5 * foot)).clamp(0.0, 1.0);
+                        if value.is_nan() {
+                            part.hidden += area * f64::from(mask * smooth);
+                            continue;
+                        }
                         if mask == 0.0 {
                             continue;
                         }
@@ -204,7 +218,7 @@ impl CentreScratch {
                         };
                         let above = value - around;
                         sums.add(mask * above, [x, y]);
-                        part.mask += mask;
+                        cells_counted += mask;
                         part.mask_squared += mask * mask;
                         centre.brightest = centre.brightest.max(value);
                         let inner = f64::from((smooth - 0.4 * lump.peak) / (0.2 * lump.peak))
@@ -228,9 +242,10 @@ impl CentreScratch {
                         self.bends.extend(bends.filter(|bend| !bend.is_nan()));
                     }
                 }
-                centre.area += part.mask;
+                centre.area += cells_counted;
+                part.covered = area * cells_counted;
                 part.light = area * sums.weight;
-                part.brighter += (sums.weight / (part.mask * level).max(1.0)).max(0.0);
+                part.brighter += (sums.weight / (cells_counted * level).max(1.0)).max(0.0);
                 let block = cells.block as f64;
                 for (to, from) in [
                     (&mut whole, sums),
@@ -250,8 +265,9 @@ impl CentreScratch {
             return None;
         }
         centre.place_m = whole.middle();
-        centre.covariance_m2 = self.covariance(&centre, &whole, lumps, cells, light);
-        centre.twin = self.twin(&mut centre);
+        self.weigh_noise(lumps, light);
+        centre.covariance_m2 = self.covariance(&centre, &whole, cells, light);
+        centre.twin = self.twin(&mut centre, light, f64::from(lump.peak));
         if core.weight > 0.0 {
             let inner = core.middle();
             let off = [0, 1].map(|k| inner[k] - centre.place_m[k]);
@@ -264,64 +280,6 @@ impl CentreScratch {
             centre.spread(share, off);
         }
         Some(centre)
-    }
-
-    /// Two round beams alike in width, `d` apart with the parts `p` and `q` of the light, have along their line the
-    /// variance `E = p q d^2` more than across, the third moment `k3 = p q (p - q) d^3` and the fourth cumulant
-    /// `k4 = p q (1 - 6 p q) d^4`, whence `k3^2 - k4 E = 2 E^3`, while a long beam has `E` alone. So far as that holds,
-    /// the covariance gets the way to the stronger of the two, `q d`, as one standard deviation. True where it is much.
-    fn twin(&self, centre: &mut Centre) -> bool {
-        let off = |part: &Part| [0, 1].map(|k| part.place_m[k] - centre.place_m[k]);
-        let (mut weight, mut second) = (0.0, [0.0; 3]);
-        for part in &self.parts {
-            let [x, y] = off(part);
-            weight += part.light;
-            second[0] += part.light * x * x;
-            second[1] += part.light * x * y;
-            second[2] += part.light * y * y;
-        }
-        let [xx, xy, yy] = second.map(|sum| sum / weight);
-        let (sine, cosine) = libm::sincos(0.5 * libm::atan2(2.0 * xy, xx - yy));
-        // Along and across.
-        let (mut squares, mut fourth, mut third) = ([0.0; 2], [0.0; 2], 0.0);
-        for part in &self.parts {
-            let [x, y] = off(part);
-            let along = cosine * x + sine * y;
-            let places = [along, cosine * y - sine * x];
-            for k in 0..2 {
-                let square = places[k] * places[k];
-                squares[k] += part.light / weight * square;
-                fourth[k] += part.light / weight * square * square;
-            }
-            third += part.light / weight * along * along * along;
-        }
-        let [along, across] = squares;
-        // Noise makes a round beam long by some five times its part in the centre.
-        let noise = TWIN_NOISE * centre.sigma_m() / across.sqrt();
-        let excess = along / across - 1.0;
-        let sure = excess - noise;
-        let direction = [cosine, sine];
-        // Of two beams nearer than their width hardly more than that is seen.
-        let little = LONG * excess.min(LONG_MOST) * across.sqrt();
-        centre.spread(little, direction);
-        if sure.is_nan() || sure <= 0.0 {
-            return false;
-        }
-        // All in units of the deviation across. What the foot cuts off changes both fourth moments alike.
-        let third = third / (across * across.sqrt());
-        let fourth =
-            (fourth[0] / (along * along) - fourth[1] / (across * across)) * (1.0 + excess).powi(2);
-        let alike = (third * third - fourth * excess) / (2.0 * excess * excess * excess);
-        let alike = alike * (excess + 0.2) / (0.62 * excess);
-        let rising = (alike - TWIN_FROM) / (TWIN_SURE - TWIN_FROM);
-        let falling = (TWIN_NOT - alike) / (0.5 * TWIN_NOT);
-        // Hardly long beams may be two near each other, which no moment tells.
-        let near = TWIN_NEAR * (1.0 - excess / TWIN_NEAR_MOST);
-        let part = rising.min(falling).clamp(0.0, 1.0).max(near);
-        let tilt = third.abs() / sure;
-        let way = 0.5 * ((tilt * tilt + 4.0 * sure).sqrt() - tilt);
-        centre.spread(part * way * across.sqrt(), direction);
-        part * way > TWIN
     }
 
     /// Nothing counted.
@@ -432,76 +390,87 @@ impl CentreScratch {
         })
     }
 
-    /// Of noise and of the light around, both as they are seen beside the spot.
-    fn covariance(
-        &mut self,
-        centre: &Centre,
-        whole: &Sums,
-        lumps: &Lumps,
-        cells: &Cells,
-        light: &Light,
-    ) -> [[f64; 2]; 2] {
-        let block = cells.block as f64;
+    /// What noise, as it is seen beside the spot and in it, makes of the light of each cell.
+    fn weigh_noise(&mut self, lumps: &Lumps, light: &Light) {
         // Of a fine cell, if neighbours had nothing to do with each other.
         let beside = (lumps.cell_sigma * lumps.cell_sigma * FINE * FINE).max(light.unrest);
         // Brighter cells are noisier.
         let bend = 1.4826 * super::light::median_of(&mut self.bends);
         let noisier = (bend * bend / 6.0 - beside).max(0.0);
-        let mut noise = [[0.0; 2]; 2];
-        let mut lever = [[0.0; TERMS]; 2];
-        // Of a shadow's edge that is not quite where, nor as wide as it was found.
-        let mut shifted = [0.0; 2];
+        for part in &mut self.parts {
+            // Folds and dirt take their part of the spot's light too.
+            let within = beside * part.brighter * part.brighter + noisier;
+            part.variance = part.area * part.area * part.mask_squared * within;
+        }
+    }
+
+    /// Of noise and of the light around.
+    fn covariance(
+        &self,
+        centre: &Centre,
+        whole: &Sums,
+        cells: &Cells,
+        light: &Light,
+    ) -> [[f64; 2]; 2] {
+        let block = cells.block as f64;
+        let mut sum = self.doubt_of(light, |part| {
+            [0, 1].map(|k| part.place_m[k] - centre.place_m[k])
+        });
+        let total = whole.weight * whole.weight;
+        // A cell's own extent.
+        let extent = block * block * FINE * FINE / 12.0;
         for part in &self.parts {
             let [[a, b], [c, d]] = part.slopes;
-            let area = (a * d - b * c).abs();
-            let off = [0, 1].map(|k| part.place_m[k] - centre.place_m[k]);
-            let weight = area * area * part.mask_squared;
-            // A cell's own extent.
-            let extent = block * block * FINE * FINE / 12.0;
             let own = [
                 [extent * (a * a + b * b), extent * (a * c + b * d)],
                 [extent * (a * c + b * d), extent * (c * c + d * d)],
             ];
-            let basis = light.basis(part.column, part.row);
-            let steep = light.steepness(part.column, part.row);
-            // Folds and dirt take their part of the spot's light too.
-            let within = beside * part.brighter * part.brighter + noisier;
             for r in 0..2 {
                 for c in 0..2 {
-                    noise[r][c] += weight * within * (off[r] * off[c] + own[r][c]);
+                    sum[r][c] += part.variance * own[r][c];
+                }
+            }
+        }
+        sum.map(|row| row.map(|value| value / total))
+    }
+
+    /// Covariance of two sums over the light of the cells, each with a factor, by noise and by what the light around may be
+    /// off.
+    pub(super) fn doubt_of(
+        &self,
+        light: &Light,
+        factors: impl Fn(&Part) -> [f64; 2],
+    ) -> [[f64; 2]; 2] {
+        let mut sum = [[0.0; 2]; 2];
+        let mut lever = [[0.0; TERMS]; 2];
+        // Of a shadow's edge that is not quite where, nor as wide as it was found.
+        let mut shifted = [0.0; 2];
+        for part in &self.parts {
+            let factors = factors(part);
+            let basis = light.basis(part.column, part.row);
+            let steep = light.steepness(part.column, part.row);
+            for r in 0..2 {
+                for c in 0..2 {
+                    sum[r][c] += part.variance * (factors[r] * factors[c]);
                 }
                 for (to, term) in lever[r].iter_mut().zip(&basis) {
-                    *to += area * part.mask * off[r] * term;
+                    *to += part.covered * factors[r] * term;
                 }
-                shifted[r] += area * part.mask * off[r] * steep;
+                shifted[r] += part.covered * factors[r] * steep;
             }
         }
         let surface = light.covariance(&lever);
-        let total = whole.weight * whole.weight;
-        let mut sum = [[0.0; 2]; 2];
         for r in 0..2 {
             for c in 0..2 {
                 let edge = EDGE_SHIFT * EDGE_SHIFT * shifted[r] * shifted[c];
                 let plane: f64 = (0..3).map(|k| lever[r][k] * lever[c][k]).sum();
-                let doubt = light.doubt * light.doubt * plane;
-                sum[r][c] = (noise[r][c] + surface[r][c] + edge + doubt) / total;
+                sum[r][c] += surface[r][c] + edge + light.doubt * light.doubt * plane;
             }
         }
         sum
     }
 }
 
-/// See [`CentreScratch::twin`]: times the noise of the centre in deviations of the beam; likeness from which on, from
-/// which on surely, and from which on no longer; and the deviations of the beam that are worth a flag.
-const TWIN_NOISE: f64 = 4.0;
-const TWIN_FROM: f64 = 0.35;
-const TWIN_SURE: f64 = 0.8;
-const TWIN_NOT: f64 = 3.2;
-const TWIN: f64 = 0.1;
-const TWIN_NEAR: f64 = 0.25;
-const TWIN_NEAR_MOST: f64 = 0.4;
-const LONG: f64 = 0.3;
-const LONG_MOST: f64 = 0.15;
 /// How far within the edge a top is to be that is seen in part, in standard deviations.
 const TOP_WITHIN: f64 = 0.2;
 /// How well the place of a shadow's edge is known \[fine cells\].

@@ -22,6 +22,7 @@ mod centre;
 mod edge;
 mod light;
 mod lumps;
+mod twin;
 
 use crate::error::SpotError;
 use crate::image::{Gray, View};
