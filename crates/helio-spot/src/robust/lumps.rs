@@ -43,6 +43,8 @@ pub(super) struct Lump {
     pub(super) top_cells: u32,
     /// Though its top touches the edge the middle may be on the target.
     pub(super) may_be_cut: bool,
+    /// It is no line and touches neither the target's edge nor a corner.
+    pub(super) apart: bool,
     /// It has a second top.
     pub(super) seam: bool,
     label: u16,
@@ -220,6 +222,7 @@ impl Lumps {
                 contact: 0.0,
                 top_cells: 0,
                 may_be_cut: false,
+                apart: false,
                 seam: self.seams.iter().any(|&seam| self.root(seam) == label),
                 label,
             };

@@ -65,6 +65,8 @@ pub struct Candidate {
 pub enum Refusal {
     /// Hardly brighter than the roughness around.
     Rough,
+    /// As bright as a spot may be, but no brighter than what a shadow leaves lit.
+    Faint,
     /// Smaller than the sun's image can be.
     Small,
     /// A line.
@@ -180,6 +182,8 @@ const SMALLEST: u32 = 8;
 /// And is not so many times longer than wide.
 const LONGEST: f64 = 12.0;
 const LONGEST_OF_LIT: f64 = 6.0;
+/// Nor so many times, where a shadow's light may be taken for it.
+const COMPACT: f64 = 3.0;
 /// A spot reaches over the edge where it has this part of its peak there.
 const CUT: f32 = 0.2;
 /// And from this part on what may lie beyond is asked for.
@@ -308,7 +312,7 @@ fn find<P: Gray>(
         first.is_some_and(|(_, candidate, _)| candidate.refused.is_none())
     };
     // A beam so large that the surface rises with it: under it the light may be a plane.
-    let bulges = light.bulges(white);
+    let (bulges, swells) = (light.bulges(white), light.swells());
     if bulges
         && !is_spot(candidates)
         && let Some(level) = light_scratch.fit(&cells.tiles, fine, Ground::Level, white)
@@ -341,11 +345,15 @@ fn find<P: Gray>(
             2.0 * candidate.u_m.abs() < FAR_IN * plane.board().width_m
                 && 2.0 * candidate.v_m.abs() < FAR_IN * plane.board().height_m
         });
+        // Seen, but too small or too faint to be told from specks and from what a shadow leaves.
+        let glimpsed = candidates.iter().any(|(_, candidate, lump)| {
+            lump.apart && matches!(candidate.refused, Some(Refusal::Small | Refusal::Faint))
+        });
         let white = cells.share_above(centre::SATURATED * white) > ALL_WHITE;
         flags = flags
             .with_if(outwards.is_some(), Flags::CUT)
             .with_if(white, Flags::SATURATED);
-        let status = if white || bulges || far_in {
+        let status = if white || bulges || swells || far_in || glimpsed {
             SpotStatus::Unclear
         } else {
             SpotStatus::Empty
@@ -494,10 +502,16 @@ fn rank(
             (false, true) => CONTACT_OF_FEW,
             (false, false) => CONTACT,
         };
-        let refused = if lump.peak < OUTSTANDING * lumps.sigma as f32
-            || f64::from(lump.peak) < contrast * around.max(light.step())
-        {
-            Some(Refusal::Rough)
+        let peak = f64::from(lump.peak);
+        let stands_out = lump.peak >= OUTSTANDING * lumps.sigma as f32;
+        lump.apart = lump.along < COMPACT * lump.across && lump.contact == 0.0 && !corner;
+        let refused = if !stands_out || peak < contrast * around.max(light.step()) {
+            let large = lump.half_cells >= SMALLEST;
+            if stands_out && lump.apart && large && peak > CONTRAST * around {
+                Some(Refusal::Faint)
+            } else {
+                Some(Refusal::Rough)
+            }
         } else if lump.half_cells < SMALLEST {
             Some(Refusal::Small)
         } else if lump.along > if lit { LONGEST_OF_LIT } else { LONGEST } * lump.across {
@@ -512,7 +526,7 @@ fn rank(
             u_m,
             v_m,
             light_m2: lump.sum * side_m * side_m,
-            peak: f64::from(lump.peak),
+            peak,
             refused,
         };
         let mut score = libm::log(candidate.light_m2);

@@ -213,6 +213,74 @@ fn two_beams_are_not_one_without_a_word() {
     }
 }
 
+/// The same of beams that are not round Gaussians: long ones, in any direction to their line, and discs. Of the two ones
+/// nearer than half of a beam's width nothing tells.
+#[test]
+fn two_beams_of_any_shape_are_not_one_without_a_word() {
+    let mut scratch = SpotScratch::default();
+    let ellipse = BeamShape::Ellipse {
+        along_m: 0.85,
+        across_m: 0.42,
+        angle_rad: 0.7,
+    };
+    let disc = BeamShape::FlatTop {
+        radius_m: 1.0,
+        edge_m: 0.15,
+    };
+    for (shape, distances) in [(disc, [0.5, 0.8, 1.2]), (ellipse, [0.9, 1.1, 1.3])] {
+        let (mut pairs, mut wrong) = (0, 0);
+        for part in [1.0, 0.7, 0.5, 0.2] {
+            for apart in distances {
+                for step in 0..6 {
+                    let angle = f64::from(step) * 0.55;
+                    let (u_m, v_m) = (-0.5 * apart * angle.cos(), -0.5 * apart * angle.sin());
+                    let mut scene = scene();
+                    scene.daylight.level = 0.35;
+                    scene.texture = 0.005;
+                    scene.beam = Some(beam(shape, u_m, v_m, 0.3));
+                    scene.others.push(beam(shape, -u_m, -v_m, 0.3 * part));
+                    let found = look(&scene, step as u64, &RobustOptions::default(), &mut scratch);
+                    assert!(found.status.has_position());
+                    let told = found.status == SpotStatus::Ambiguous
+                        || found.flags.contains(Flags::SEVERAL);
+                    let off = (found.u_m - u_m).hypot(found.v_m - v_m);
+                    pairs += 1;
+                    wrong += i32::from(!told && off > 5.0 * found.sigma_m());
+                }
+            }
+        }
+        println!("{shape:?}: {wrong} of {pairs} off by more than 5 sigma without a word");
+        assert_eq!(wrong, 0, "{shape:?}: of {pairs}");
+    }
+}
+
+/// Light of facets that do not quite meet is uneven, but hardly ever as that of two beams is.
+#[test]
+fn facets_are_seldom_two() {
+    let mut random = Random(17);
+    let mut scratch = SpotScratch::default();
+    let (mut told, mut beyond) = (0, 0);
+    for seed in 0..100 {
+        let mut scene = scene();
+        scene.texture = 0.01;
+        let shape = BeamShape::Facets {
+            count: 16,
+            sigma_m: 0.36,
+            spread_m: 0.42,
+        };
+        let (u_m, v_m) = (random.between(-1.0, 1.0), random.between(-0.8, 0.8));
+        scene.beam = Some(beam(shape, u_m, v_m, 0.35));
+        let found = look(&scene, seed, &RobustOptions::default(), &mut scratch);
+        assert!(found.status.has_position(), "{seed}");
+        told += i32::from(found.flags.contains(Flags::SEVERAL));
+        let off = (found.u_m - u_m).hypot(found.v_m - v_m);
+        beyond += i32::from(off > 5.0 * found.sigma_m());
+    }
+    println!("{told} of 100 are said to be several, {beyond} beyond 5 sigma");
+    assert!(told <= 12, "{told}");
+    assert!(beyond <= 1, "{beyond}");
+}
+
 /// One beam is not taken for two: round, long, flat, faint, in a shadow's edge.
 #[test]
 fn one_beam_is_not_two() {
@@ -324,6 +392,50 @@ fn what_is_seen_is_not_called_empty() {
         let off = (found.u_m - 1.0).hypot(found.v_m + 0.6);
         assert!(off < 0.1, "{seed} {off}");
     }
+}
+
+/// Light that is too small, too faint beside a shadow, or too wide to be measured is `unclear`.
+#[test]
+fn what_cannot_be_measured_is_unclear() {
+    let mut random = Random(31);
+    let mut scratch = SpotScratch::default();
+    let mut count = |what: &str, change: &dyn Fn(&mut Scene, f64, f64)| {
+        let (mut empty, mut statuses) = (0, [0; SpotStatus::ALL.len()]);
+        for seed in 0..30 {
+            let mut scene = Scene::plain(BOARD, 768, 576).unwrap();
+            scene.texture = 0.01;
+            scene.sensor.white_electrons = f64::INFINITY;
+            scene.sensor.read_noise = 0.005;
+            change(
+                &mut scene,
+                random.between(-2.4, 2.4),
+                random.between(-2.1, 2.1),
+            );
+            let found = look(&scene, seed, &RobustOptions::default(), &mut scratch);
+            empty += i32::from(found.status == SpotStatus::Empty);
+            statuses[found.status as usize] += 1;
+        }
+        println!("{what}: {statuses:?}");
+        empty
+    };
+    let small = |scene: &mut Scene, u_m, v_m| {
+        scene.beam = Some(beam(BeamShape::Gaussian { sigma_m: 0.08 }, u_m, v_m, 0.35));
+    };
+    assert_eq!(count("small", &small), 0);
+    let wide = |scene: &mut Scene, u_m, v_m| {
+        scene.beam = Some(beam(BeamShape::Gaussian { sigma_m: 3.0 }, u_m, v_m, 0.35));
+    };
+    assert_eq!(count("wide", &wide), 0);
+    let faint = |scene: &mut Scene, u_m, v_m| {
+        scene.beam = Some(gaussian(u_m, v_m, 0.05));
+        scene.daylight.shadow = Some(Shadow {
+            through_m: [0.8, 0.0],
+            into_rad: 0.6,
+            depth: 0.3,
+            penumbra_m: 0.16,
+        });
+    };
+    assert_eq!(count("faint", &faint), 0);
 }
 
 /// Of stray light where it meets the spot only.

@@ -262,7 +262,7 @@ impl CentreScratch {
         } else {
             let turned = last.value.against(second.value, 2);
             let long = second.value.size() > (SURE_OF_LIKE * second.sigma).max(STRETCHED)
-                && turned.0 - SURE * last.sigma < -second.value.size()
+                && turned.0 < SURE * last.sigma
                 && last.is_along(turned, SURE);
             let stepped = last.is_sure(SQUARE) && fourth < SHARP && flat < STEPPED;
             if long || stepped {
@@ -339,7 +339,7 @@ const SURE: f64 = 6.0;
 /// And so large: what a single beam has at the most where there is hardly any noise, by cells and by what the foot cuts off.
 const LOPSIDED: f64 = 0.03;
 const UNEVEN: f64 = 0.12;
-const STRETCHED: f64 = 0.06;
+const STRETCHED: f64 = 0.05;
 const SURE_OF_LIKE: f64 = 7.0;
 const CUT_OFF: f64 = 0.3;
 const SLIGHT: f64 = 0.1;
