@@ -26,7 +26,7 @@ impl Complex {
     }
 
     fn size(self) -> f64 {
-        self.0.hypot(self.1)
+        (self.0 * self.0 + self.1 * self.1).sqrt()
     }
 
     /// Turned back by `turns` times the angle of another one.
@@ -334,28 +334,37 @@ impl CentreScratch {
     }
 }
 
-/// A harmonic is not nought if it is so many times its standard deviation.
+/// A harmonic is not nought if it is so many times its standard deviation: of 180 single simulated ellipses none is. For the
+/// third, that of a long beam's foot is cut off less long than the beam, a little more.
 const SURE: f64 = 6.0;
-/// And so large: what a single beam has at the most where there is hardly any noise, by cells and by what the foot cuts off.
+const SURE_OF_LIKE: f64 = 7.0;
+/// And so large, where there is hardly any noise: single round, long and flat beams have up to 0.034, 0.12 and 0.05.
 const LOPSIDED: f64 = 0.03;
 const UNEVEN: f64 = 0.12;
 const STRETCHED: f64 = 0.05;
-const SURE_OF_LIKE: f64 = 7.0;
-const CUT_OFF: f64 = 0.3;
+/// From this size of the first on its direction is known well: of real and faceted beams hardly any is below.
 const SLIGHT: f64 = 0.1;
-const SQUARE: f64 = 0.2;
-/// Directions agree to so much, as a tangent.
+/// Directions agree to so much, as a tangent: 25 degrees, those of 60 simulated pairs of ellipses and Gaussians within 23.
 const ASKEW: f64 = 0.47;
-/// The second over the first of the harmonics of a pair: 1, of a beam with a foot more as it is cut off.
+/// The second over the first of the harmonics of a pair: 1 for discs, up to 1.95 where the foot that is cut off has light.
 const LEAST_RATIO: f64 = 0.8;
 const MOST_RATIO: f64 = 2.2;
-/// One standard deviation of the way to the beam that is meant, in cube roots of `p q (p - q) d^3`: 0.37 are 0.2 of its
-/// light, 0.79 a half, 2 nine tenths.
+/// One standard deviation of the way to the beam that is meant, in cube roots of `p q (p - q) d^3`: the whole way is 0.37 of
+/// them where the other has 0.2 of its light, 0.79 at a half, 2 at nine tenths.
 const WAY: f64 = 0.6;
+/// Of two alike `E = p q d^2` is the root of the last harmonic over 2 (round Gaussians) to 3 (discs).
 const OF_LAST: f64 = 2.5;
+/// Two sharp-edged beams that overlap have a step: the mean of |z|^4 is as low as that of a disc (5.8, a Gaussian's is 6.8),
+/// but not so large a part of the light is as bright as its top (discs 0.81 or more, pairs 0.65 to 0.78), and level lines
+/// are no ellipses, by so much of the last harmonic.
 const SHARP: f64 = 5.97;
 const STEPPED: f64 = 0.78;
+const SQUARE: f64 = 0.2;
+/// What unevenness without a direction makes of the centre, in its size times the beam's standard deviations: faceted
+/// pairs are within five of it.
 const OF_UNEVEN: f64 = 0.2;
+/// Light at the edge from this part of the peak on leaves too little to ask.
+const CUT_OFF: f64 = 0.3;
 
 /// See [`CentreScratch::round_pair`]: times the noise of the centre in deviations of the beam; likeness from which on, from
 /// which on surely, and from which on no longer; and the deviations of the beam that are worth a flag.
