@@ -771,7 +771,9 @@ fn thinned_campaigns_tell_what_their_pairs_tell() {
             _ => correlation_within(x, (-f64::from(lag) / 15.0).exp()),
         })
         .collect();
-    let kept: [(&str, fn(usize, &mut Dice) -> bool); 3] = [
+    /// Whether a frame is kept, by its place.
+    type Thinning = fn(usize, &mut Dice) -> bool;
+    let kept: [(&str, Thinning); 3] = [
         ("3 of every 25", |i, _| i % 25 < 3),
         ("a tenth at random", |_, dice| dice.uniform() < 0.1),
         ("12 s of every 2 min", |i, _| i % 600 < 60),
