@@ -129,6 +129,8 @@ pub struct RecordLine {
     pub outlier: bool,
     /// Whether the zero point of either axis was taken to have jumped just before it.
     pub jumped: [bool; 2],
+    /// Whether other accounts of it are left, so that records to come may say that no zero point jumped.
+    pub in_doubt: bool,
 }
 
 impl RecordLine {

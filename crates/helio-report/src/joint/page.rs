@@ -102,7 +102,8 @@ const WORDS: [(&str, &str); 12] = [
     ),
     (
         "jump",
-        "A sudden change of one axis' zero point, found where later records agree with it.",
+        "A sudden change of one axis' zero point, found where later records agree with it. One in doubt is the likeliest \
+         account of the last records, which those to come may yet explain otherwise; it is drawn and listed, not counted.",
     ),
     (
         "outlier",
@@ -124,14 +125,22 @@ fn summary(page: &JointPage, held: &[foretold::Held<'_>]) -> Vec<String> {
         .count();
     let observations = page.heliostats.iter().map(|h| h.observations).sum();
     let records = || page.heliostats.iter().flat_map(|h| &h.records);
-    let jumps = records().map(zero::jumps_of).sum();
+    let [mut jumps, mut in_doubt] = [0, 0];
+    for [sure, perhaps] in records().map(zero::jumps_of) {
+        jumps += sure;
+        in_doubt += perhaps;
+    }
     let mut all = vec![format!(
-        "Heliostats: {}, observed: {}. Records: {}, outliers: {}, jumps: {}.",
+        "Heliostats: {}, observed: {}. Records: {}, outliers: {}, jumps: {}{}.",
         count(page.heliostats.len()),
         count(observed),
         count(observations),
         count(records().filter(|r| r.outlier).count()),
         count(jumps),
+        match in_doubt {
+            0 => String::new(),
+            in_doubt => format!(" and {} in doubt", count(in_doubt)),
+        },
     )];
     if !page.causes.is_empty() {
         let admitted = page.causes.iter().filter(|c| c.admitted).count();

@@ -344,7 +344,7 @@ pub(super) fn table(page: &JointPage, chosen: &[usize]) -> String {
                 format!("{} ± {}", rounded(zero, sigma), rounded(sigma, sigma))
             })
         };
-        let jumps: usize = records.iter().map(jumps_of).sum();
+        let jumps: usize = records.iter().map(|r| jumps_of(r)[0]).sum();
         let _ = writeln!(
             html,
             "<tr><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td>\
@@ -363,9 +363,14 @@ pub(super) fn table(page: &JointPage, chosen: &[usize]) -> String {
     html
 }
 
-/// How many zero points jumped just before a record.
-pub(super) fn jumps_of(record: &RecordLine) -> usize {
-    record.jumped.iter().filter(|jumped| **jumped).count()
+/// How many zero points jumped just before a record: without a doubt, and perhaps.
+pub(super) fn jumps_of(record: &RecordLine) -> [usize; 2] {
+    let jumps = record.jumped.iter().filter(|jumped| **jumped).count();
+    if record.in_doubt {
+        [0, jumps]
+    } else {
+        [jumps, 0]
+    }
 }
 
 /// All jumps, the latest first: which heliostat, before which record, of which axis.
@@ -413,12 +418,13 @@ pub(super) fn jumps(page: &JointPage) -> String {
         let by = before.map_or(f64::NAN, |b| record.zero_mrad[axis] - b.zero_mrad[axis]);
         let _ = writeln!(
             html,
-            "<tr><td>{}</td><td class=\"t\">{}</td><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td>\
+            "<tr><td>{}</td><td class=\"t\">{}</td><td>{}</td><td class=\"n\">{}{}</td><td class=\"n\">{}</td>\
              <td class=\"n\">{} ± {}</td><td class=\"n\">{}</td></tr>",
             Escaped(&line.id),
             record.unix_ns.map_or_else(|| "–".to_owned(), dates::minute),
             Escaped(&record.label),
             axis + 1,
+            if record.in_doubt { " (in doubt)" } else { "" },
             before.map_or_else(|| "–".to_owned(), zero),
             zero(record),
             rounded(record.zero_sigma_mrad[axis], record.zero_sigma_mrad[axis]),

@@ -41,16 +41,12 @@ impl Run<'_> {
             .map(|(k, campaign)| fit.history(k, campaign))
             .collect();
         let histories = histories?;
-        let (judged, jumps, mut seen) = self.told(&histories, &observations);
         let (mut state, rows) = self.followed(&fit, &observations)?;
+        let (judged, jumps, mut seen) = self.told(&histories, &observations, &state);
         let jumps: Result<Vec<JumpFound>, Failure> = jumps
             .into_iter()
             .enumerate()
-            .map(|(n, (observation, mut jump))| {
-                let of = &histories[jump.index];
-                let day = of.iter().find(|one| one.observation == observation);
-                let in_doubt = &state.heliostats()[jump.index].undecided;
-                jump.certain = day.is_none_or(|one| !in_doubt.contains(&one.day));
+            .map(|(n, (observation, jump))| {
                 if n >= SAID {
                     return Ok(jump);
                 }
@@ -147,6 +143,7 @@ impl Run<'_> {
         &self,
         histories: &[Vec<History>],
         observations: &Observations,
+        state: &FieldState,
     ) -> (Vec<Judged>, Vec<(usize, JumpFound)>, Vec<Seen>) {
         let mut judged = Vec::new();
         let mut jumps = Vec::new();
@@ -155,9 +152,11 @@ impl Run<'_> {
             let of = &observations.heliostats[index];
             let mount = self.mount(of.row);
             let mut of_one = Seen::default();
+            let undecided = &state.heliostats()[index].undecided;
             for (record, one) in history.iter().enumerate() {
                 let observed = &of.observations[one.observation];
                 let unix_ns = observed.unix_ns;
+                let in_doubt = undecided.contains(&one.day);
                 let kind = if one.outlier {
                     StepKind::Outlier
                 } else if one.jumped != [false; 2] {
@@ -178,7 +177,7 @@ impl Run<'_> {
                         axis,
                         size_rad: None,
                         missed_mrad: Some(one.foretold.beam_mrad()),
-                        certain: true,
+                        certain: !in_doubt,
                     };
                     jumps.push((one.observation, jump));
                 }
@@ -194,6 +193,7 @@ impl Run<'_> {
                     zero_rad: one.zero_rad,
                     zero_sigma_rad: one.zero_sigma_rad,
                     jumped: one.jumped,
+                    in_doubt,
                     alarm: None,
                 });
             }

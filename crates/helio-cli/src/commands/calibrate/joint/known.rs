@@ -243,11 +243,14 @@ fn unexplained(followed: &Followed, seen: &Seen, spells: &[Spell]) -> Option<Str
             0 => String::new(),
             misses => format!(", {misses} should not meet their targets at all"),
         };
+        let in_a_row = match followed.unbelieved_last() {
+            0 | 1 => String::new(),
+            last => format!(", the last {last} one after the other"),
+        };
         return Some(format!(
-            "of its {} records {unbelieved} do not fit the others{missing}, the last {} one after the other, and its zero \
-             points jumped {} times; of its last records {:.0} % are odd so",
+            "of its {} records {unbelieved} do not fit the others{missing}{in_a_row}, and its zero points jumped {} times, \
+             without those in doubt; of its last records {:.0} % are odd so",
             followed.records,
-            followed.unbelieved_last(),
             followed.jump_count,
             100.0 * followed.lately().share().min(1.0)
         ));

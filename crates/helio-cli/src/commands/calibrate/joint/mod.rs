@@ -202,6 +202,8 @@ struct Judged {
     zero_sigma_rad: [f64; 2],
     /// Whether the zero point of either axis is taken to have jumped before it.
     jumped: [bool; 2],
+    /// Whether other accounts of it are not yet given up.
+    in_doubt: bool,
     /// Whether it raised an alarm, and whether as the third in a row that is not believed; only of records that were
     /// followed.
     alarm: Option<[bool; 2]>,
@@ -328,11 +330,16 @@ impl Run<'_> {
             ));
         }
         let count = |kind: StepKind| judged.iter().filter(|one| one.kind == kind).count();
+        let certain = jumps.iter().filter(|jump| jump.certain).count();
         self.printer.say(format_args!(
-            "{}: {} not believed, {} of zero points{}",
+            "{}: {} not believed, {} of zero points{}{}",
             Counted(judged.len(), "record"),
             Grouped(count(StepKind::Outlier) as u64),
-            Counted(jumps.len(), "jump"),
+            Counted(certain, "jump"),
+            match jumps.len() - certain {
+                0 => String::new(),
+                in_doubt => format!(" and {} in doubt", Grouped(in_doubt as u64)),
+            },
             match count(StepKind::Misses) {
                 0 => String::new(),
                 misses => format!(", {misses} whose beam should not meet the target"),

@@ -208,6 +208,7 @@ impl Source<'_> {
                 zero_sigma_mrad: one.zero_sigma_rad.map(|x| 1e3 * x),
                 outlier: one.kind == StepKind::Outlier,
                 jumped: one.jumped,
+                in_doubt: one.in_doubt,
             });
         }
         let mut places: Vec<(usize, usize)> = found

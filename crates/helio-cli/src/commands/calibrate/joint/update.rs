@@ -95,6 +95,9 @@ impl Run<'_> {
         for (one, steps) in fresh.iter().zip(&steps) {
             let of_one = &mut seen[one.place];
             let times = || one.observations.iter().filter_map(|o| o.unix_ns);
+            let after = &parts.heliostats[one.place];
+            // of the record itself where it is one of these: days are rounded
+            let of_run = |day: f64| times().find(|&ns| ns as f64 / DAY_NS == day);
             of_one.times = times().min().zip(times().max());
             let before = &before[&one.index];
             let mount = rows[one.place].map(|row| self.mount(row));
@@ -115,10 +118,12 @@ impl Run<'_> {
                         StepKind::Jump(axes) => axes,
                         _ => [false; 2],
                     },
+                    in_doubt: one.observations[step.observation]
+                        .unix_ns
+                        .is_some_and(|ns| after.undecided.contains(&(ns as f64 / DAY_NS))),
                     alarm: Some([step.alarm, step.unbelieved]),
                 });
             }
-            let after = &parts.heliostats[one.place];
             let last = state.known(one.place, after.last_day.unwrap_or_default())?;
             let certain = after
                 .jumps
@@ -128,15 +133,16 @@ impl Run<'_> {
                 .jumps
                 .iter()
                 .map(|&(k, axis)| (after.undecided[k], axis, false));
+            // those of earlier runs that are still in doubt were said then
+            let doubted = doubted.filter(|(day, ..)| of_run(*day).is_some());
             for (day, axis, certain) in certain.map(|j| (j.day, j.axis, true)).chain(doubted) {
                 jumps.push(JumpFound {
                     index: one.index,
-                    // of the record itself where it is one of these: days are rounded
-                    unix_ns: times()
-                        .find(|&ns| ns as f64 / DAY_NS == day)
-                        .or(Some((day * DAY_NS) as i64)),
+                    unix_ns: of_run(day).or(Some(to_milliseconds(day))),
                     axis,
-                    size_rad: Some(references(&last)[axis] - before.references_rad[axis]),
+                    // of an earlier run's record the zero points before it are no longer known
+                    size_rad: of_run(day)
+                        .map(|_| references(&last)[axis] - before.references_rad[axis]),
                     missed_mrad: None,
                     certain,
                 });
@@ -343,4 +349,9 @@ impl Run<'_> {
             100.0 * rate
         ));
     }
+}
+
+/// A day as nanoseconds since 1970, to the millisecond: as well as a day is known.
+fn to_milliseconds(day: f64) -> i64 {
+    (day * DAY_NS / 1e6).round() as i64 * 1_000_000
 }
