@@ -1,0 +1,37 @@
+//! Errors of wrong calls.
+
+/// A wrong call of a function of this crate.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum FluxError {
+    /// A corner of an element is NaN or infinite.
+    #[error("element: corner {corner} (counted from 0) must be finite, got ({}, {}, {})", at[0], at[1], at[2])]
+    BadCorner {
+        /// Which corner.
+        corner: usize,
+        /// What was given \[m\].
+        at: [f64; 3],
+    },
+    /// The corners of an element lie on a line or at a point.
+    #[error(
+        "element: its corners must span an area, got {area_m2:e} m² for a largest extent of {extent_m} m"
+    )]
+    NoArea {
+        /// The area found \[m²\].
+        area_m2: f64,
+        /// Largest distance between two corners \[m\].
+        extent_m: f64,
+    },
+    /// A number is NaN, infinite or outside its range.
+    #[error("{who}: {what} must be {wanted}, got {value}")]
+    BadValue {
+        /// What it was given to.
+        who: &'static str,
+        /// The quantity, as in the glossary.
+        what: &'static str,
+        /// The range it must lie in.
+        wanted: &'static str,
+        /// What was given.
+        value: f64,
+    },
+}
