@@ -34,4 +34,21 @@ pub enum FluxError {
         /// What was given.
         value: f64,
     },
+    /// A mesh receiver without a triangle.
+    #[error("mesh receiver: wants at least one triangle, got none")]
+    NoTriangles,
+    /// A triangle of a mesh receiver that is none.
+    #[error("mesh receiver: triangle {row} (counted from 0): {why}")]
+    BadTriangle {
+        /// Which.
+        row: usize,
+        /// What is wrong with it.
+        why: Box<FluxError>,
+    },
+    /// An instruction-set level that this processor does not have was asked for.
+    #[error("instruction set {level} is not available on this processor")]
+    LevelUnavailable {
+        /// The level asked for.
+        level: helio_core::SimdLevel,
+    },
 }

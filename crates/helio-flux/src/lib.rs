@@ -1,8 +1,22 @@
 #![doc = include_str!("../README.md")]
 
+pub mod account;
+mod bvh;
 pub mod element;
 pub mod error;
+pub mod map;
+pub mod optics;
+pub mod receiver;
+mod sampling;
+pub mod sunshape;
+pub mod trace;
 mod vector;
 
+pub use account::Account;
 pub use element::Element;
 pub use error::FluxError;
+pub use map::FluxMap;
+pub use optics::OpticalError;
+pub use receiver::{Frustum, Hit, MeshReceiver, Plane, Receiver};
+pub use sunshape::SunShape;
+pub use trace::{Origins, RayOptions, Rays, Scene, trace_rays};

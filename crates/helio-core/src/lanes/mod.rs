@@ -13,12 +13,16 @@ mod pack;
 mod prefetch;
 mod run;
 mod scalar;
+mod single;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod x86;
+#[cfg(target_arch = "x86_64")]
+mod x86_single;
 
 pub(crate) use pack::{Pack2, Pack4};
 pub use prefetch::prefetch;
 pub use run::{Kernel, run};
+pub use single::Singles;
 
 /// Rows of a block of prepared constants; the widest vector holds as many.
 pub const BLOCK: usize = 8;
@@ -37,6 +41,8 @@ pub trait Mask: Copy {
 /// A vector of doubles. `WIDTH` divides [`BLOCK`] or is a multiple of it.
 pub trait Lanes: Copy {
     type Mask: Mask;
+    /// Singles in registers of the same instruction set.
+    type Singles: Singles;
     const WIDTH: usize;
 
     fn splat(value: f64) -> Self;

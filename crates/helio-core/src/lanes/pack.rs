@@ -34,6 +34,7 @@ macro_rules! pack {
 
         impl<L: Lanes> Lanes for $name<L> {
             type Mask = $name<L::Mask>;
+            type Singles = L::Singles;
             const WIDTH: usize = $count * L::WIDTH;
 
             #[inline(always)]

@@ -28,6 +28,7 @@ impl Mask for bool {
 
 impl Lanes for f64 {
     type Mask = bool;
+    type Singles = f32;
     const WIDTH: usize = 1;
 
     #[inline(always)]

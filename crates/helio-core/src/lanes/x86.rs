@@ -117,6 +117,7 @@ impl Mask for M8 {
 
 impl Lanes for V4 {
     type Mask = M4;
+    type Singles = super::x86_single::S8;
     const WIDTH: usize = 4;
 
     #[inline(always)]
@@ -233,6 +234,7 @@ impl Lanes for V4 {
 
 impl Lanes for V8 {
     type Mask = M8;
+    type Singles = super::x86_single::S16;
     const WIDTH: usize = 8;
 
     #[inline(always)]

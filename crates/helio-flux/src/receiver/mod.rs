@@ -1,0 +1,190 @@
+//! What the light falls on: its shape, its grid of bins, and where a ray meets it.
+
+mod frustum;
+mod mesh;
+mod plane;
+
+pub use frustum::Frustum;
+pub use mesh::MeshReceiver;
+pub use plane::Plane;
+
+use crate::error::FluxError;
+use crate::vector::{norm, unit};
+
+/// Most bins of a grid: its whole numbers are counted in singles, which are exact up to 2²⁴.
+const MAX_BINS: usize = 1 << 23;
+
+/// Where a ray meets a receiver.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hit {
+    /// The bin, row by row from the first.
+    pub bin: usize,
+    /// The point \[m\].
+    pub point_m: [f64; 3],
+    /// How far along the ray, in lengths of its direction.
+    pub along: f64,
+}
+
+/// A receiver: it is lit on one side, and light that comes to the other passes.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Receiver {
+    /// A rectangle.
+    Plane(Plane),
+    /// The outside of a cylinder or a cone.
+    Frustum(Frustum),
+    /// Triangles, each a bin.
+    Mesh(MeshReceiver),
+}
+
+impl Receiver {
+    /// Rows of the grid.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        match self {
+            Self::Plane(plane) => plane.rows(),
+            Self::Frustum(frustum) => frustum.rows(),
+            Self::Mesh(_) => 1,
+        }
+    }
+
+    /// Columns of the grid; of a mesh, its triangles.
+    #[must_use]
+    pub fn columns(&self) -> usize {
+        match self {
+            Self::Plane(plane) => plane.columns(),
+            Self::Frustum(frustum) => frustum.columns(),
+            Self::Mesh(mesh) => mesh.triangles(),
+        }
+    }
+
+    /// Rows times columns. Bins are counted row by row.
+    #[must_use]
+    pub fn bins(&self) -> usize {
+        self.rows() * self.columns()
+    }
+
+    /// True area of a bin \[m²\].
+    ///
+    /// # Panics
+    /// If there is no such bin.
+    #[must_use]
+    pub fn bin_area_m2(&self, bin: usize) -> f64 {
+        assert!(bin < self.bins(), "no bin {bin}");
+        match self {
+            Self::Plane(plane) => plane.bin_area_m2(),
+            Self::Frustum(frustum) => frustum.bin_area_m2(bin / frustum.columns()),
+            Self::Mesh(mesh) => mesh.area_of_m2(bin),
+        }
+    }
+
+    /// The middle of a bin \[m\].
+    ///
+    /// # Panics
+    /// If there is no such bin.
+    #[must_use]
+    pub fn bin_centre_m(&self, bin: usize) -> [f64; 3] {
+        assert!(bin < self.bins(), "no bin {bin}");
+        let (row, column) = (bin / self.columns(), bin % self.columns());
+        match self {
+            Self::Plane(plane) => plane.point_m(row as f64 + 0.5, column as f64 + 0.5),
+            Self::Frustum(frustum) => frustum.point_m(row as f64 + 0.5, column as f64 + 0.5),
+            Self::Mesh(mesh) => mesh.centroid_m(bin),
+        }
+    }
+
+    /// Unit vector out of the lit side at the middle of a bin.
+    ///
+    /// # Panics
+    /// If there is no such bin.
+    #[must_use]
+    pub fn bin_normal(&self, bin: usize) -> [f64; 3] {
+        assert!(bin < self.bins(), "no bin {bin}");
+        match self {
+            Self::Plane(plane) => plane.normal(),
+            Self::Frustum(frustum) => frustum.normal((bin % frustum.columns()) as f64 + 0.5),
+            Self::Mesh(mesh) => mesh.normal(bin),
+        }
+    }
+
+    /// Area of the lit side \[m²\].
+    #[must_use]
+    pub fn area_m2(&self) -> f64 {
+        match self {
+            Self::Plane(plane) => plane.area_m2(),
+            Self::Frustum(frustum) => frustum.area_m2(),
+            Self::Mesh(mesh) => mesh.area_m2(),
+        }
+    }
+
+    /// A point in the middle of it \[m\].
+    #[must_use]
+    pub fn centre_m(&self) -> [f64; 3] {
+        match self {
+            Self::Plane(plane) => plane.centre_m(),
+            Self::Frustum(frustum) => frustum.centre_m(),
+            Self::Mesh(mesh) => mesh.centre_m(),
+        }
+    }
+
+    /// Where a ray first meets the lit side, ahead of its origin; `None` if it misses.
+    ///
+    /// `direction` may have any length.
+    #[must_use]
+    pub fn hit(&self, origin_m: [f64; 3], direction: [f64; 3]) -> Option<Hit> {
+        match self {
+            Self::Plane(plane) => plane.hit(origin_m, direction),
+            Self::Frustum(frustum) => frustum.hit(origin_m, direction),
+            Self::Mesh(mesh) => mesh.hit(origin_m, direction),
+        }
+    }
+}
+
+fn bad(who: &'static str, what: &'static str, wanted: &'static str, value: f64) -> FluxError {
+    FluxError::BadValue {
+        who,
+        what,
+        wanted,
+        value,
+    }
+}
+
+fn check_length(who: &'static str, what: &'static str, value_m: f64) -> Result<(), FluxError> {
+    if value_m > 0.0 && value_m <= 1e6 {
+        return Ok(());
+    }
+    Err(bad(who, what, "above 0 and at most 1e6 m", value_m))
+}
+
+fn check_grid(who: &'static str, rows: usize, columns: usize) -> Result<(), FluxError> {
+    for (what, count) in [("rows", rows), ("columns", columns)] {
+        if !(1..=1 << 20).contains(&count) {
+            return Err(bad(who, what, "within 1..=1048576", count as f64));
+        }
+    }
+    if (rows + 2) * (columns + 2) > MAX_BINS {
+        let bins = (rows * columns) as f64;
+        let wanted = "so few that with a frame of one there are at most 2²³";
+        return Err(bad(who, "bins", wanted, bins));
+    }
+    Ok(())
+}
+
+fn check_point(who: &'static str, what: &'static str, point_m: [f64; 3]) -> Result<(), FluxError> {
+    for value in point_m {
+        if value.is_nan() || value.abs() > 1e9 {
+            return Err(bad(who, what, "finite and within ±1e9 m", value));
+        }
+    }
+    Ok(())
+}
+
+/// The direction of a vector; its length is the value of the error.
+pub(crate) fn check_direction(
+    who: &'static str,
+    what: &'static str,
+    vector: [f64; 3],
+) -> Result<[f64; 3], FluxError> {
+    let none = || bad(who, what, "a finite vector with a length", norm(vector));
+    unit(vector).ok_or_else(none)
+}
