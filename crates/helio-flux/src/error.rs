@@ -51,4 +51,7 @@ pub enum FluxError {
         /// The level asked for.
         level: helio_core::SimdLevel,
     },
+    /// Rays that were made for another scene.
+    #[error("rays: made for another sun shape, optical error or seed than asked for")]
+    OtherRays,
 }

@@ -21,4 +21,4 @@ pub use map::FluxMap;
 pub use optics::OpticalError;
 pub use receiver::{Frustum, Hit, MeshReceiver, Plane, Receiver};
 pub use sunshape::SunShape;
-pub use trace::{Origins, RayOptions, Rays, Scene, trace_rays};
+pub use trace::{Origins, RayOptions, RaySet, Rays, Scene, trace_rays, trace_rays_with};

@@ -12,7 +12,8 @@ pub use beam::Origins;
 use beam::{Cone, Piece, across, onto_plane, pieces};
 use helio_core::SimdLevel;
 use kernel::{Grid, Pass, PlaneKernel, plane};
-use rayset::{Lap, RaySet};
+use rayset::Lap;
+pub use rayset::RaySet;
 use tally::Tally;
 
 use crate::element::Element;
@@ -119,23 +120,49 @@ pub fn trace_rays(scene: &Scene<'_>, options: &RayOptions) -> Result<FluxMap, Fl
     let sun = scene.check()?;
     let level = checked_level(options.level)?;
     let plan = Plan::new(scene, sun, options)?;
-    let set = RaySet::new(
-        scene.sun_shape,
-        &scene.optical_error,
-        options.seed,
-        plan.rays,
-    );
+    let (shape, error) = (scene.sun_shape, &scene.optical_error);
+    let set = RaySet::new(shape, error, options.seed, plan.rays);
+    Ok(run(scene, options, sun, level, &plan, &set))
+}
+
+/// Like [`trace_rays`], with rays that were made before.
+///
+/// # Errors
+/// As [`trace_rays`], and [`FluxError::OtherRays`] if they were made for another sun shape, optical error or
+/// seed.
+pub fn trace_rays_with(
+    scene: &Scene<'_>,
+    options: &RayOptions,
+    set: &RaySet,
+) -> Result<FluxMap, FluxError> {
+    let sun = scene.check()?;
+    let level = checked_level(options.level)?;
+    if !set.is_of(scene.sun_shape, &scene.optical_error, options.seed) {
+        return Err(FluxError::OtherRays);
+    }
+    let plan = Plan::new(scene, sun, options)?;
+    Ok(run(scene, options, sun, level, &plan, set))
+}
+
+fn run(
+    scene: &Scene<'_>,
+    options: &RayOptions,
+    sun: Vector,
+    level: SimdLevel,
+    plan: &Plan,
+    set: &RaySet,
+) -> FluxMap {
     let tracer = Tracer {
         scene,
         sun,
         sun_across: across(sun),
         level,
         seed: options.seed,
-        plan: &plan,
-        set: &set,
+        plan,
+        set,
     };
     let tally = tracer.in_parallel(options.threads);
-    Ok(tally.into_map(scene.receiver, &plan))
+    tally.into_map(scene.receiver, plan)
 }
 
 impl Scene<'_> {

@@ -17,28 +17,40 @@ const MOST: u64 = 1 << 18;
 /// threads.
 const RAYS_PER_SET: u64 = 64;
 
-/// Where on an element rays start, and how far they stray from its middle ray, as columns.
+/// The rays that every element's cone is cut into: where on it they start, and how far they stray from its
+/// middle ray. Made once, it serves any number of scenes under the same sun.
 ///
-/// Singles: the angles are offsets from a direction that is kept in doubles, so that their rounding is
-/// 1e-7 of the cone.
+/// ```
+/// use helio_flux::{OpticalError, RaySet, SunShape};
+/// let sun_shape = SunShape::pillbox(4.65e-3)?;
+/// let set = RaySet::new(&sun_shape, &OpticalError::NONE, 0, 10_000_000);
+/// assert_eq!(set.len(), 262_144);
+/// # Ok::<(), helio_flux::FluxError>(())
+/// ```
+// Singles: the angles are offsets from a direction that is kept in doubles, so that their rounding is 1e-7
+// of the cone.
 #[derive(Debug, Clone)]
-pub(crate) struct RaySet {
+pub struct RaySet {
+    sun_shape: SunShape,
+    optical_error: OpticalError,
+    seed: u64,
     /// Place on the element, in units of its edges, in [0, 1).
-    pub a: Vec<f32>,
-    pub b: Vec<f32>,
+    pub(crate) a: Vec<f32>,
+    pub(crate) b: Vec<f32>,
     /// Offset from the middle of the sun and scatter, per unit of length along the ray.
-    pub dx: Vec<f32>,
-    pub dy: Vec<f32>,
+    pub(crate) dx: Vec<f32>,
+    pub(crate) dy: Vec<f32>,
     /// Slopes of the normal.
-    pub gx: Vec<f32>,
-    pub gy: Vec<f32>,
+    pub(crate) gx: Vec<f32>,
+    pub(crate) gy: Vec<f32>,
     /// Greatest offset, and greatest slope.
-    pub reach: [f64; 2],
+    pub(crate) reach: [f64; 2],
 }
 
 impl RaySet {
-    /// A set for tracing `rays`.
-    pub(crate) fn new(sun: &SunShape, error: &OpticalError, seed: u64, rays: u64) -> Self {
+    /// A set of a size that is right for tracing about so many rays.
+    #[must_use]
+    pub fn new(sun: &SunShape, error: &OpticalError, seed: u64, rays: u64) -> Self {
         let sobol = Sobol::new(seed);
         let count = (rays / RAYS_PER_SET).next_power_of_two();
         let points: Vec<[f32; 6]> = (0..count.clamp(LEAST, MOST) as u32)
@@ -51,6 +63,9 @@ impl RaySet {
             points.iter().map(length).fold(0.0, f64::max)
         };
         Self {
+            sun_shape: sun.clone(),
+            optical_error: *error,
+            seed,
             a: column(0),
             b: column(1),
             dx: column(2),
@@ -61,9 +76,21 @@ impl RaySet {
         }
     }
 
-    /// How many rays.
-    pub(crate) fn len(&self) -> u64 {
+    /// How many rays there are before they are used again, shifted and turned.
+    #[must_use]
+    pub fn len(&self) -> u64 {
         self.a.len() as u64
+    }
+
+    /// Never: a set has at least 4096 rays.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.a.is_empty()
+    }
+
+    /// True if it was made of these.
+    pub(crate) fn is_of(&self, sun: &SunShape, error: &OpticalError, seed: u64) -> bool {
+        self.sun_shape == *sun && self.optical_error == *error && self.seed == seed
     }
 }
 
