@@ -35,6 +35,12 @@ impl Aabb {
         core::array::from_fn(|k| 0.5 * (self.low[k] + self.high[k]))
     }
 
+    /// Radius of the sphere around it.
+    pub(crate) fn radius(&self) -> f64 {
+        let half = core::array::from_fn(|k| 0.5 * (self.high[k] - self.low[k]));
+        crate::vector::norm(half)
+    }
+
     /// True if a ray passes through it (grown by a few roundings) between `from` and `to`, in lengths of its
     /// direction.
     pub(crate) fn is_met(&self, origin: Vector, inverse: Vector, from: f64, to: f64) -> bool {

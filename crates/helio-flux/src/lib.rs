@@ -2,11 +2,13 @@
 
 pub mod account;
 mod bvh;
+pub mod convolve;
 pub mod element;
 pub mod error;
 pub mod folded_plate;
 pub mod map;
 pub mod optics;
+mod parallel;
 pub mod receiver;
 mod sampling;
 pub mod sunshape;
@@ -14,6 +16,7 @@ pub mod trace;
 mod vector;
 
 pub use account::Account;
+pub use convolve::{ConvolveOptions, convolve};
 pub use element::Element;
 pub use error::FluxError;
 pub use folded_plate::FoldedPlate;

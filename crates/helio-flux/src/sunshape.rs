@@ -196,6 +196,14 @@ impl SunShape {
         }
     }
 
+    /// Where the disc ends and the aureole begins \[rad\]; of a sun without one, where it ends.
+    pub(crate) fn knee_rad(&self) -> f64 {
+        match &self.kind {
+            Kind::Buie(_) => SOLAR_HALF_ANGLE_RAD,
+            _ => self.extent_rad(),
+        }
+    }
+
     /// The angle \[rad\] beyond which there is no light; of a Gaussian cone, less than one part in 10⁹.
     #[must_use]
     pub fn extent_rad(&self) -> f64 {

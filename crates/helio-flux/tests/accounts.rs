@@ -242,7 +242,7 @@ fn wrong_calls_are_refused_by_name() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(40))]
+    #![proptest_config(ProptestConfig::with_cases(16))]
     #[test]
     fn all_light_is_accounted_for(x in -1.0..1.0, y in -1.0..1.0, z in -0.2..1.0, seed: u64, rays in 1_u64..50_000) {
         prop_assume!(x * x + y * y + z * z > 0.01);

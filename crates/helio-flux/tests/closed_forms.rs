@@ -12,8 +12,8 @@ use std::f64::consts::PI;
 
 use common::*;
 use helio_flux::{
-    Element, Frustum, OpticalError, Origins, Plane, RayOptions, Rays, Receiver, Scene, SunShape,
-    trace_rays,
+    ConvolveOptions, Element, Frustum, OpticalError, Origins, Plane, RayOptions, Rays, Receiver,
+    Scene, SunShape, convolve, trace_rays,
 };
 
 const HALF_ANGLE: f64 = 4.65e-3;
@@ -110,6 +110,145 @@ fn a_flat_facet_gives_the_convolution_of_its_outline_with_the_sun() {
     println!("rate {rate:.3}; random rays {random:.2e} with the most");
     assert!(rate < -0.55, "{rate}");
     assert!(errors[5] < 0.6 * random, "{} {random}", errors[5]);
+}
+
+// The same by integrals: what is left is the table of the cone, and the average over a bin.
+#[test]
+fn a_convolution_is_that_closed_form() {
+    let (receiver, elements) = (screen(64), [facet()]);
+    let sun_shape = SunShape::pillbox(HALF_ANGLE).unwrap();
+    let scene = Scene {
+        elements: &elements,
+        receiver: &receiver,
+        sun: [0.0, 0.0, 1.0],
+        dni_w_m2: 1000.0,
+        sun_shape: &sun_shape,
+        optical_error: OpticalError::NONE,
+    };
+    let want = exact(64);
+    let (mut counts, mut errors) = (Vec::new(), Vec::new());
+    for points in [1, 2, 4, 8] {
+        let begin = std::time::Instant::now();
+        let options = ConvolveOptions {
+            points,
+            ..ConvolveOptions::default()
+        };
+        let map = convolve(&scene, &options).unwrap();
+        let error = relative_rms(map.irradiance_w_m2(), &want);
+        println!(
+            "{points}² points: rms error {error:.2e}, {:?}",
+            begin.elapsed()
+        );
+        counts.push(points as f64);
+        errors.push(error);
+    }
+    // midpoints: second order
+    let rate = rate(&counts, &errors);
+    println!("rate {rate:.2}");
+    assert!(rate < -1.5, "{rate}");
+    assert!(errors[0] < 5e-3 && errors[3] < 1e-4, "{errors:?}");
+}
+
+// Two ways to one map, where nothing is known in closed form: oblique, with slopes and scatter, all shapes.
+#[test]
+fn rays_and_convolution_agree() {
+    let wall = |tilt| {
+        Plane::new(
+            [20.0, -30.0, 90.0],
+            tilt,
+            [1.0, 0.2, 0.0],
+            [14.0, 16.0],
+            [24, 24],
+        )
+        .unwrap()
+    };
+    let axis = [1.0, 0.3, 0.0];
+    let cylinder = Frustum::cylinder(
+        [14.0, -32.0, 90.0],
+        axis,
+        [0.0, 0.0, 1.0],
+        4.0,
+        12.0,
+        [20, 40],
+    );
+    let receivers = [
+        Receiver::Plane(wall([-0.1, 0.3, -0.9])),
+        Receiver::Plane(wall([-0.5, 0.7, -0.3])),
+        Receiver::Frustum(cylinder.unwrap()),
+    ];
+    let kite = [
+        [-3.0, -2.0, -0.6],
+        [3.0, -2.0, 0.6],
+        [3.5, 2.5, 0.7],
+        [-2.0, 2.0, -0.4],
+    ];
+    let elements = [
+        Element::quadrilateral(kite)
+            .unwrap()
+            .with_reflectivity(0.9)
+            .unwrap(),
+        Element::triangle([[4.0, 3.0, 0.0], [7.0, 3.0, 0.3], [4.0, 6.0, 0.1]]).unwrap(),
+    ];
+    let n = elements[0].normal();
+    let to = unit([20.0, -30.0, 90.0]);
+    for (sun_shape, error) in [
+        (SunShape::pillbox(HALF_ANGLE).unwrap(), OpticalError::NONE),
+        (SunShape::buie(0.2).unwrap(), OpticalError::NONE),
+        (
+            SunShape::limb_darkened(HALF_ANGLE).unwrap(),
+            OpticalError::new(0.0, 1.5e-3).unwrap(),
+        ),
+        (
+            SunShape::gaussian(2.2e-3).unwrap(),
+            OpticalError::new(1.2e-3, 0.5e-3).unwrap(),
+        ),
+    ] {
+        for receiver in &receivers {
+            let scene = Scene {
+                elements: &elements,
+                receiver,
+                sun: combine(to.map(|x| -x), 2.0 * dot(n, to), n),
+                dni_w_m2: 1000.0,
+                sun_shape: &sun_shape,
+                optical_error: error,
+            };
+            let rays = trace_rays(&scene, &options(1 << 22, 2)).unwrap();
+            let integral = convolve(
+                &scene,
+                &ConvolveOptions {
+                    points: 3,
+                    threads: 2,
+                },
+            )
+            .unwrap();
+            let apart = relative_rms(rays.irradiance_w_m2(), integral.irradiance_w_m2());
+            let (a, b) = (rays.account(), integral.account());
+            println!(
+                "rms {apart:.2e} of the peak; received {:.3} and {:.3} W",
+                a.received_w, b.received_w
+            );
+            // slopes, here taken as round, are 6 % of an axis apart at this incidence
+            assert!(
+                apart
+                    < if error.slope_rms_rad() > 0.0 {
+                        5e-3
+                    } else {
+                        4e-3
+                    }
+            );
+            assert!((a.received_w / b.received_w - 1.0).abs() < 3e-3);
+            assert!((a.incoming_w / b.incoming_w - 1.0).abs() < 1e-12);
+            let alone = convolve(
+                &scene,
+                &ConvolveOptions {
+                    points: 3,
+                    threads: 1,
+                },
+            )
+            .unwrap();
+            assert!(alone == integral, "threads change the answer");
+        }
+    }
 }
 
 #[test]

@@ -124,6 +124,13 @@ impl Frustum {
         TAU * middle_m * slant_m / self.columns as f64
     }
 
+    pub(super) fn outer_radius_m(&self) -> f64 {
+        libm::hypot(
+            0.5 * self.height_m,
+            self.base_radius_m.max(self.end_radius_m),
+        )
+    }
+
     fn slant_m(&self) -> f64 {
         libm::hypot(self.height_m, self.base_radius_m - self.end_radius_m)
     }

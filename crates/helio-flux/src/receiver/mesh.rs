@@ -73,6 +73,10 @@ impl MeshReceiver {
         self.triangles.get(triangle).map(Element::corners_m)
     }
 
+    pub(crate) fn outer_radius_m(&self) -> f64 {
+        self.bounds.radius()
+    }
+
     pub(crate) fn centre_m(&self) -> Vector {
         self.bounds.middle()
     }

@@ -127,6 +127,16 @@ impl Receiver {
         }
     }
 
+    /// Radius of a sphere about [`centre_m`](Self::centre_m) that holds all of it \[m\].
+    #[must_use]
+    pub fn radius_m(&self) -> f64 {
+        match self {
+            Self::Plane(plane) => 0.5 * libm::hypot(plane.size_m()[0], plane.size_m()[1]),
+            Self::Frustum(frustum) => frustum.outer_radius_m(),
+            Self::Mesh(mesh) => mesh.outer_radius_m(),
+        }
+    }
+
     /// Where a ray first meets the lit side, ahead of its origin; `None` if it misses.
     ///
     /// `direction` may have any length.

@@ -102,6 +102,8 @@ pub(crate) fn across(axis: Vector) -> [Vector; 2] {
 /// dx and dy offsets of the sun from its middle, gx and gy slopes.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Cone {
+    pub sun: Vector,
+    pub sun_along: [Vector; 2],
     pub middle: Vector,
     pub along: [Vector; 2],
     pub slope: [Vector; 2],
@@ -125,6 +127,8 @@ impl Cone {
             add(scale(g, along_g), scale(normal, along_n))
         };
         Self {
+            sun,
+            sun_along: sun_across,
             middle: reflect(sun),
             along: sun_across.map(reflect),
             slope: on_mirror.map(slope),

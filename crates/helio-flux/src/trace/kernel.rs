@@ -60,6 +60,8 @@ pub(crate) struct PlaneKernel<'a, const TRIANGLE: bool, const SLOPES: bool> {
     pub pass: Pass<'a>,
     pub grid: Grid,
     pub weight: u64,
+    /// Of each ray, [`FREE`] or not; empty for all free.
+    pub verdicts: &'a [u32],
     pub cells: &'a mut [u64],
 }
 
@@ -83,8 +85,16 @@ impl<'a, const TRIANGLE: bool, const SLOPES: bool> Kernel for PlaneKernel<'a, TR
             let index = &mut index[..to - from];
             let part = self.pass.part(from, to);
             hit::<L, TRIANGLE, SLOPES>(self.beam, self.grid, part, index);
-            for &cell in &*index {
-                self.cells[cell as usize] += self.weight;
+            if self.verdicts.is_empty() {
+                for &cell in &*index {
+                    self.cells[cell as usize] += self.weight;
+                }
+            } else {
+                for (&cell, &verdict) in index.iter().zip(&self.verdicts[from..to]) {
+                    if verdict == super::verdict::FREE {
+                        self.cells[cell as usize] += self.weight;
+                    }
+                }
             }
             from = to;
         }

@@ -2,27 +2,30 @@
 
 mod beam;
 mod kernel;
+mod occlusion;
 mod rayset;
 mod tally;
-
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
+mod verdict;
 
 pub use beam::Origins;
-use beam::{Cone, Piece, across, onto_plane, pieces};
+pub(crate) use beam::across;
+use beam::{Cone, Piece, onto_plane, pieces};
 use helio_core::SimdLevel;
-use kernel::{Grid, Pass, PlaneKernel, plane};
+use kernel::{Beam, Grid, Pass, PlaneKernel, plane};
+use occlusion::{Bundle, Candidates, Obstacles};
 use rayset::Lap;
 pub use rayset::RaySet;
 use tally::Tally;
+use verdict::{BLOCKED, FREE, SHADED, Sight, VerdictKernel, verdicts};
 
 use crate::element::Element;
 use crate::error::FluxError;
 use crate::map::FluxMap;
 use crate::optics::OpticalError;
-use crate::receiver::{Receiver, check_direction};
+use crate::parallel::over_tasks;
+use crate::receiver::{Plane, Receiver, check_direction};
 use crate::sunshape::SunShape;
-use crate::vector::{Vector, add, dot, scale};
+use crate::vector::{Vector, add, dot, norm, scale, sub};
 
 /// Rays of an element come in multiples of this, the width of the widest vectors.
 const ROUND: u64 = 16;
@@ -57,8 +60,7 @@ pub enum Rays {
     Total(u64),
 }
 
-/// How rays are traced. Only `rays`, `seed` and `origins` change the answer; threads and instruction set change
-/// no bit of it.
+/// How rays are traced. Threads and instruction set change no bit of the answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RayOptions {
     /// How many; each element's are rounded up to a multiple of 16.
@@ -67,6 +69,9 @@ pub struct RayOptions {
     pub seed: u64,
     /// Where on an element rays start.
     pub origins: Origins,
+    /// Whether mirrors stand in each other's light: elements of different
+    /// [`mirror`](Element::mirror)s shade and block each other.
+    pub occlusion: bool,
     /// Most threads to use; 0 for as many as the thread pool has.
     pub threads: usize,
     /// Instruction set; `None` for the best that the processor has.
@@ -79,6 +84,7 @@ impl Default for RayOptions {
             rays: Rays::Total(4_000_000),
             seed: 0,
             origins: Origins::Spread,
+            occlusion: true,
             threads: 0,
             level: None,
         }
@@ -152,7 +158,11 @@ fn run(
     plan: &Plan,
     set: &RaySet,
 ) -> FluxMap {
-    let tracer = Tracer {
+    let obstacles = options
+        .occlusion
+        .then(|| Obstacles::new(scene.elements))
+        .flatten();
+    let mut tracer = Tracer {
         scene,
         sun,
         sun_across: across(sun),
@@ -160,7 +170,10 @@ fn run(
         seed: options.seed,
         plan,
         set,
+        obstacles,
+        candidates: Vec::new(),
     };
+    tracer.look_around(options.threads);
     let tally = tracer.in_parallel(options.threads);
     tally.into_map(scene.receiver, plan)
 }
@@ -194,6 +207,8 @@ fn checked_level(level: Option<SimdLevel>) -> Result<SimdLevel, FluxError> {
 #[derive(Debug, Clone, Copy)]
 struct Job {
     piece: Piece,
+    /// The element it is a piece of.
+    element: u32,
     /// Index of the first of its rays, among all.
     first_ray: u64,
     rays: u64,
@@ -241,7 +256,7 @@ impl Plan {
         if all_w > 0.0 {
             plan.quantum_w = all_w / QUANTA;
         }
-        for element in scene.elements {
+        for (number, element) in scene.elements.iter().enumerate() {
             let power_w = power_of(element);
             if dot(element.normal(), sun) <= 0.0 {
                 plan.turned_away += 1;
@@ -261,6 +276,7 @@ impl Plan {
                 let quanta = piece_w / plan.quantum_w / rays as f64;
                 plan.jobs.push(Job {
                     piece,
+                    element: number as u32,
                     first_ray: plan.rays,
                     rays,
                     weight: quanta.round() as u64,
@@ -290,48 +306,84 @@ struct Tracer<'a> {
     seed: u64,
     plan: &'a Plan,
     set: &'a RaySet,
+    obstacles: Option<Obstacles<'a>>,
+    /// Of each element; empty without obstacles.
+    candidates: Vec<Candidates>,
 }
 
+/// Elements of a task that looks for what is in their way.
+const ELEMENTS_PER_TASK: usize = 256;
+
 impl Tracer<'_> {
+    /// Finds what may stand in the light of every element.
+    fn look_around(&mut self, threads: usize) {
+        let Some(obstacles) = &self.obstacles else {
+            return;
+        };
+        let elements = self.scene.elements;
+        let receiver = (
+            self.scene.receiver.centre_m(),
+            self.scene.receiver.radius_m(),
+        );
+        let candidates_of = |element: &Element| {
+            let (normal, from) = (element.normal(), element.centroid_m());
+            let cosine = dot(normal, self.sun);
+            if cosine <= 0.0 {
+                return Candidates::default();
+            }
+            let distance = |p: &Vector| norm(sub(*p, from));
+            let radius_m = element.corners_m().iter().map(distance).fold(0.0, f64::max);
+            let [sun_reach, slope_reach] = self.set.reach;
+            let to_sun = Bundle {
+                from,
+                radius_m,
+                toward: self.sun,
+                spread: sun_reach,
+                length_m: f64::INFINITY,
+            };
+            let reflected = Bundle {
+                toward: sub(scale(normal, 2.0 * cosine), self.sun),
+                spread: sun_reach + 2.0 * slope_reach,
+                length_m: norm(sub(receiver.0, from)) + receiver.1,
+                ..to_sun
+            };
+            Candidates {
+                shaders: obstacles.touched(&to_sun, element.mirror()),
+                blockers: obstacles.touched(&reflected, element.mirror()),
+            }
+        };
+        let tasks = elements.len().div_ceil(ELEMENTS_PER_TASK);
+        let parts = over_tasks(tasks, threads, |mine| {
+            let part = |task: usize| {
+                let first = task * ELEMENTS_PER_TASK;
+                let last = elements.len().min(first + ELEMENTS_PER_TASK);
+                let found: Vec<_> = elements[first..last].iter().map(candidates_of).collect();
+                (task, found)
+            };
+            mine.map(part).collect::<Vec<_>>()
+        });
+        let mut parts: Vec<_> = parts.into_iter().flatten().collect();
+        parts.sort_unstable_by_key(|part| part.0);
+        self.candidates = parts.into_iter().flat_map(|part| part.1).collect();
+    }
+
     fn in_parallel(&self, threads: usize) -> Tally {
         let tasks = self.plan.rays.div_ceil(RAYS_PER_TASK) as usize;
-        let threads = match threads {
-            0 => rayon::current_num_threads(),
-            some => some,
-        };
-        let threads = threads.min(tasks).max(1);
-        let next = AtomicUsize::new(0);
-        let work = || {
+        let tallies = over_tasks(tasks, threads, |mine| {
             let mut tally = Tally::new(self.scene.receiver);
-            loop {
-                let task = next.fetch_add(1, Ordering::Relaxed) as u64;
-                let first = task * RAYS_PER_TASK;
-                if first >= self.plan.rays {
-                    return tally;
-                }
+            for task in mine {
+                let first = task as u64 * RAYS_PER_TASK;
                 let last = self.plan.rays.min(first + RAYS_PER_TASK);
                 self.trace(first, last, &mut tally);
             }
-        };
-        if threads == 1 {
-            return work();
-        }
-        // Whole numbers: in which order they are added changes nothing.
-        let sum = Mutex::new(Tally::new(self.scene.receiver));
-        let add_up = |tally: Tally| {
-            let mut sum = sum
-                .lock()
-                .unwrap_or_else(std::sync::PoisonError::into_inner);
-            sum.add(&tally);
-        };
-        rayon::in_place_scope(|scope| {
-            for _ in 1..threads {
-                scope.spawn(|_| add_up(work()));
-            }
-            add_up(work());
+            tally
         });
-        sum.into_inner()
-            .unwrap_or_else(std::sync::PoisonError::into_inner)
+        // Whole numbers: in which order they are added changes nothing.
+        let mut sum = Tally::new(self.scene.receiver);
+        for tally in &tallies {
+            sum.add(tally);
+        }
+        sum
     }
 
     /// Rays `first..last` of all.
@@ -361,9 +413,6 @@ impl Tracer<'_> {
 
     /// Rays `from..to` of the set, in one lap, from one piece.
     fn part(&self, job: &Job, lap: &Lap, from: usize, to: usize, tally: &mut Tally) {
-        let count = (to - from) as u64;
-        tally.incoming += count * job.weight;
-        tally.reflection_loss += count * (job.weight - job.reflected);
         let cone = Cone::new(job.piece.normal, self.sun, self.sun_across, lap);
         let set = self.set;
         let pass = Pass {
@@ -374,44 +423,135 @@ impl Tracer<'_> {
             gx: &set.gx[from..to],
             gy: &set.gy[from..to],
         };
+        let mut found = core::mem::take(&mut tally.verdicts);
+        self.judge(job, lap, &cone, &pass, &mut found);
+        let count = (to - from) as u64;
+        let count_of = |verdict| found.iter().filter(|&&v| v == verdict).count() as u64;
+        let (shaded, blocked) = (count_of(SHADED), count_of(BLOCKED));
+        tally.incoming += count * job.weight;
+        tally.shaded += shaded * job.weight;
+        tally.reflection_loss += (count - shaded) * (job.weight - job.reflected);
+        tally.blocked += blocked * job.reflected;
         if let Receiver::Plane(receiver) = self.scene.receiver
             && let Some(beam) = onto_plane(receiver, &job.piece, &cone, lap, set.reach)
         {
-            let grid = Grid {
-                columns: receiver.columns() as u32,
-                rows: receiver.rows() as u32,
-            };
-            let slopes = self.scene.optical_error.slope_rms_rad() > 0.0;
-            let (level, weight, cells) = (self.level, job.reflected, &mut tally.cells[..]);
-            macro_rules! run {
-                ($triangle:literal, $slopes:literal) => {
-                    plane::<$triangle, $slopes>(
-                        level,
-                        PlaneKernel {
-                            beam: &beam,
-                            pass,
-                            grid,
-                            weight,
-                            cells,
-                        },
-                    )
+            self.onto_cells(receiver, &beam, job, pass, &found, &mut tally.cells);
+        } else {
+            for ray in 0..to - from {
+                if found.get(ray).is_some_and(|&verdict| verdict != FREE) {
+                    continue;
+                }
+                let (origin, direction) = one_ray(&job.piece, &cone, lap, &pass, ray);
+                let cell = match self.scene.receiver.hit(origin, direction) {
+                    Some(hit) => tally::cell_of(self.scene.receiver, hit.bin),
+                    None => tally::SPILLED,
                 };
+                tally.cells[cell] += job.reflected;
             }
-            match (job.piece.is_triangle, slopes) {
-                (false, false) => run!(false, false),
-                (false, true) => run!(false, true),
-                (true, false) => run!(true, false),
-                (true, true) => run!(true, true),
-            }
+        }
+        tally.verdicts = found;
+    }
+
+    /// The fast way onto a plane.
+    fn onto_cells(
+        &self,
+        receiver: &Plane,
+        beam: &Beam,
+        job: &Job,
+        pass: Pass<'_>,
+        verdicts: &[u32],
+        cells: &mut [u64],
+    ) {
+        let grid = Grid {
+            columns: receiver.columns() as u32,
+            rows: receiver.rows() as u32,
+        };
+        let slopes = self.scene.optical_error.slope_rms_rad() > 0.0;
+        macro_rules! run {
+            ($triangle:literal, $slopes:literal) => {
+                plane::<$triangle, $slopes>(
+                    self.level,
+                    PlaneKernel {
+                        beam,
+                        pass,
+                        grid,
+                        weight: job.reflected,
+                        verdicts,
+                        cells,
+                    },
+                )
+            };
+        }
+        match (job.piece.is_triangle, slopes) {
+            (false, false) => run!(false, false),
+            (false, true) => run!(false, true),
+            (true, false) => run!(true, false),
+            (true, true) => run!(true, true),
+        }
+    }
+
+    /// Which rays other mirrors keep away; none, if there is nothing in the way of any.
+    fn judge(&self, job: &Job, lap: &Lap, cone: &Cone, pass: &Pass<'_>, found: &mut Vec<u32>) {
+        found.clear();
+        let (Some(obstacles), Some(candidates)) =
+            (&self.obstacles, self.candidates.get(job.element as usize))
+        else {
+            return;
+        };
+        if candidates.is_empty() {
             return;
         }
-        for ray in 0..to - from {
-            let (origin, direction) = one_ray(&job.piece, &cone, lap, &pass, ray);
-            let cell = match self.scene.receiver.hit(origin, direction) {
-                Some(hit) => tally.cell_of(self.scene.receiver, hit.bin),
-                None => tally::SPILLED,
+        found.resize(pass.a.len(), FREE);
+        let element = &self.scene.elements[job.element as usize];
+        let origin = element.centroid_m();
+        // Rays end in the plane of the receiver, or across its middle.
+        let (gate, through) = match self.scene.receiver {
+            Receiver::Plane(plane) => (plane.normal(), plane.centre_m()),
+            other => (cone.middle, other.centre_m()),
+        };
+        let gate_offset = dot(gate, sub(through, origin));
+        if candidates.fit_lanes() {
+            let single = |v: Vector| v.map(|x| x as f32);
+            let sight = Sight {
+                corner: single(sub(job.piece.corner, origin)),
+                edge_a: single(job.piece.edge_a),
+                edge_b: single(job.piece.edge_b),
+                shift: lap.shift.map(|x| x as f32),
+                is_triangle: job.piece.is_triangle,
+                sun: single(cone.sun),
+                sun_along: cone.sun_along.map(single),
+                middle: single(cone.middle),
+                along: cone.along.map(single),
+                slope: cone.slope.map(single),
+                gate: single(gate),
+                gate_offset: gate_offset as f32,
             };
-            tally.cells[cell] += job.reflected;
+            let kernel = VerdictKernel {
+                sight: &sight,
+                pass: *pass,
+                shaders: &obstacles.screens(&candidates.shaders, origin),
+                blockers: &obstacles.screens(&candidates.blockers, origin),
+                verdicts: found,
+            };
+            verdicts(self.level, kernel);
+            return;
+        }
+        for (ray, verdict) in found.iter_mut().enumerate() {
+            let (from, direction) = one_ray(&job.piece, cone, lap, pass, ray);
+            let strays = [
+                (pass.dx[ray], cone.sun_along[0]),
+                (pass.dy[ray], cone.sun_along[1]),
+            ];
+            let to_sun = strays.into_iter().fold(cone.sun, |sum, (by, along)| {
+                add(sum, scale(along, f64::from(by)))
+            });
+            let end = (gate_offset - dot(gate, sub(from, origin))) / dot(gate, direction);
+            let mirror = element.mirror();
+            if obstacles.is_met(from, to_sun, f64::INFINITY, mirror) {
+                *verdict = SHADED;
+            } else if obstacles.is_met(from, direction, end, mirror) {
+                *verdict = BLOCKED;
+            }
         }
     }
 }

@@ -16,6 +16,19 @@ pub(super) struct Tally {
     pub shaded: u64,
     pub reflection_loss: u64,
     pub blocked: u64,
+    /// Scratch: what stands in the way of the rays at hand.
+    pub verdicts: Vec<u32>,
+}
+
+/// The cell of a bin.
+pub(super) fn cell_of(receiver: &Receiver, bin: usize) -> usize {
+    match receiver {
+        Receiver::Plane(plane) => {
+            let (row, column) = (bin / plane.columns(), bin % plane.columns());
+            (row + 1) * (plane.columns() + 2) + column + 1
+        }
+        _ => bin + 1,
+    }
 }
 
 impl Tally {
@@ -34,17 +47,7 @@ impl Tally {
             shaded: 0,
             reflection_loss: 0,
             blocked: 0,
-        }
-    }
-
-    /// The cell of a bin.
-    pub(super) fn cell_of(&self, receiver: &Receiver, bin: usize) -> usize {
-        match receiver {
-            Receiver::Plane(plane) => {
-                let (row, column) = (bin / plane.columns(), bin % plane.columns());
-                (row + 1) * (plane.columns() + 2) + column + 1
-            }
-            _ => bin + 1,
+            verdicts: Vec::new(),
         }
     }
 
@@ -61,7 +64,7 @@ impl Tally {
     pub(super) fn into_map(self, receiver: &Receiver, plan: &Plan) -> FluxMap {
         let power = |quanta: u64| quanta as f64 * plan.quantum_w;
         let bins: Vec<u64> = (0..receiver.bins())
-            .map(|bin| self.cells[self.cell_of(receiver, bin)])
+            .map(|bin| self.cells[cell_of(receiver, bin)])
             .collect();
         let received: u64 = bins.iter().sum();
         let all: u64 = self.cells.iter().sum();
