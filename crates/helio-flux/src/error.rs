@@ -54,4 +54,7 @@ pub enum FluxError {
     /// Rays that were made for another scene.
     #[error("rays: made for another sun shape, optical error or seed than asked for")]
     OtherRays,
+    /// A field that cannot be tracked as asked.
+    #[error(transparent)]
+    Tracking(#[from] helio_core::error::TrackError),
 }
