@@ -57,4 +57,16 @@ pub enum FluxError {
     /// A field that cannot be tracked as asked.
     #[error(transparent)]
     Tracking(#[from] helio_core::error::TrackError),
+    /// A picture whose size and number of gray values do not go together.
+    #[error(
+        "a picture of {rows} rows and {columns} columns wants at least one pixel and as many gray values, found {found}"
+    )]
+    WrongSize {
+        /// Rows.
+        rows: usize,
+        /// Columns.
+        columns: usize,
+        /// Gray values given.
+        found: usize,
+    },
 }

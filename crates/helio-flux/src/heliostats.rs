@@ -92,7 +92,7 @@ pub struct FieldMirrors {
 /// let mirrors = field_mirrors(&field, sun, &HeliostatMirror::default())?;
 /// assert_eq!(mirrors.elements.len(), 1);
 /// assert!((mirrors.elements[0].area_m2() - 42.0).abs() < 1e-12);
-/// # Ok::<(), helio_flux::FluxError>(())
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///
 /// # Errors

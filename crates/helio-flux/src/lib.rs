@@ -6,6 +6,7 @@ pub mod convolve;
 pub mod element;
 pub mod error;
 pub mod folded_plate;
+pub mod gauge;
 pub mod heliostats;
 pub mod map;
 pub mod optics;
