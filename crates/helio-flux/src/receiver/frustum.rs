@@ -131,6 +131,12 @@ impl Frustum {
         )
     }
 
+    /// Radius in the middle \[m\], its growth along the axis, and the height \[m\].
+    pub(crate) fn shape(&self) -> (f64, f64, f64) {
+        let middle_m = self.radius_m(0.5 * self.height_m);
+        (middle_m, self.growth(), self.height_m)
+    }
+
     fn slant_m(&self) -> f64 {
         libm::hypot(self.height_m, self.base_radius_m - self.end_radius_m)
     }
@@ -178,7 +184,7 @@ impl Frustum {
         )
     }
 
-    fn to_local(&self, world: Vector) -> Vector {
+    pub(crate) fn to_local(&self, world: Vector) -> Vector {
         self.axes.map(|axis| dot(axis, world))
     }
 

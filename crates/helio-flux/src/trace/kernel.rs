@@ -103,7 +103,7 @@ impl<'a, const TRIANGLE: bool, const SLOPES: bool> Kernel for PlaneKernel<'a, TR
 
 impl Pass<'_> {
     #[inline(always)]
-    fn part(&self, from: usize, to: usize) -> Self {
+    pub(super) fn part(&self, from: usize, to: usize) -> Self {
         Self {
             a: &self.a[from..to],
             b: &self.b[from..to],
@@ -130,22 +130,13 @@ fn hit<L: Lanes, const TRIANGLE: bool, const SLOPES: bool>(
     let edge_b = beam.edge_b.map(c);
     let [along_x, along_y] = beam.along.map(|v| v.map(c));
     let [slope_x, slope_y] = beam.slope.map(|v| v.map(c));
-    let [zero, one, middle_w] = [0.0, 1.0, beam.middle_w].map(c);
-    let [shift_a, shift_b] = beam.shift.map(c);
+    let [zero, middle_w] = [0.0, beam.middle_w].map(c);
     let last_column = c(grid.columns as f32 + 1.5);
     let last_row = c(grid.rows as f32 + 1.5);
     let stride = c(grid.stride() as f32);
     for at in (0..n).step_by(width) {
         let read = |column: &[f32]| L::Singles::read(&column[at..]);
-        // a number of [0, 2) without its whole part
-        let wrap = |x: L::Singles| x.sub(L::Singles::select(one.le(x), one, zero));
-        let mut a = wrap(read(pass.a).add(shift_a));
-        let mut b = wrap(read(pass.b).add(shift_b));
-        if TRIANGLE {
-            let over = one.lt(a.add(b));
-            a = L::Singles::select(over, one.sub(a), a);
-            b = L::Singles::select(over, one.sub(b), b);
-        }
+        let (a, b) = start::<L, TRIANGLE>(read(pass.a), read(pass.b), beam.shift);
         let place = |k: usize| a.mul_add(edge_a[k], b.mul_add(edge_b[k], corner[k]));
         let (dx, dy) = (read(pass.dx), read(pass.dy));
         let mut stray = [zero, zero, middle_w];
@@ -172,4 +163,24 @@ fn hit<L: Lanes, const TRIANGLE: bool, const SLOPES: bool>(
         let v = v.max(zero).min(last_row).floor();
         v.mul_add(stride, u).write_whole(&mut index[at..]);
     }
+}
+
+/// Where on the element rays start: the set's places shifted around, and for a triangle folded into it.
+#[inline(always)]
+pub(super) fn start<L: Lanes, const TRIANGLE: bool>(
+    a: L::Singles,
+    b: L::Singles,
+    shift: [f32; 2],
+) -> (L::Singles, L::Singles) {
+    let c = L::Singles::splat;
+    let [zero, one] = [0.0, 1.0].map(c);
+    // a number of [0, 2) without its whole part
+    let wrap = |x: L::Singles| x.sub(L::Singles::select(one.le(x), one, zero));
+    let (a, b) = (wrap(a.add(c(shift[0]))), wrap(b.add(c(shift[1]))));
+    if !TRIANGLE {
+        return (a, b);
+    }
+    let over = one.lt(a.add(b));
+    let fold = |x: L::Singles| L::Singles::select(over, one.sub(x), x);
+    (fold(a), fold(b))
 }

@@ -1,7 +1,7 @@
 //! What threads count: quanta of power, in whole numbers.
 
-use super::Plan;
 use super::kernel::Grid;
+use super::plan::Plan;
 use crate::account::Account;
 use crate::map::FluxMap;
 use crate::receiver::Receiver;

@@ -3,7 +3,7 @@
 use helio_core::SimdLevel;
 use helio_core::lanes::{Kernel, Lanes, Mask, Singles, run};
 
-use super::kernel::Pass;
+use super::kernel::{Pass, start};
 
 /// A ray that neither comes from nor runs into another mirror.
 pub(crate) const FREE: u32 = 0;
@@ -93,7 +93,7 @@ impl Kernel for VerdictKernel<'_> {
     fn run<L: Lanes>(self) {
         let width = <L::Singles as Singles>::WIDTH;
         let c = L::Singles::splat;
-        let [zero, one] = [0.0, 1.0].map(c);
+        let zero = c(0.0);
         let Sight {
             sun_along,
             along,
@@ -106,14 +106,12 @@ impl Kernel for VerdictKernel<'_> {
             [self.sight.sun, self.sight.middle, self.sight.gate].map(|v| v.map(c));
         for at in (0..self.pass.a.len()).step_by(width) {
             let read = |column: &[f32]| L::Singles::read(&column[at..]);
-            let wrap = |x: L::Singles| x.sub(L::Singles::select(one.le(x), one, zero));
-            let mut a = wrap(read(self.pass.a).add(c(self.sight.shift[0])));
-            let mut b = wrap(read(self.pass.b).add(c(self.sight.shift[1])));
-            let over = one.lt(a.add(b));
-            if self.sight.is_triangle {
-                a = L::Singles::select(over, one.sub(a), a);
-                b = L::Singles::select(over, one.sub(b), b);
-            }
+            let (a, b) = (read(self.pass.a), read(self.pass.b));
+            let (a, b) = if self.sight.is_triangle {
+                start::<L, true>(a, b, self.sight.shift)
+            } else {
+                start::<L, false>(a, b, self.sight.shift)
+            };
             let origin = [0, 1, 2].map(|k| a.mul_add(edge_a[k], b.mul_add(edge_b[k], corner[k])));
             let (dx, dy) = (read(self.pass.dx), read(self.pass.dy));
             let (gx, gy) = (read(self.pass.gx), read(self.pass.gy));
