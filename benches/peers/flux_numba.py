@@ -20,6 +20,10 @@ from numpy.typing import NDArray
 BINS, WIDTH_M, DISTANCE_M, HALF_ANGLE_RAD = 64, 15.0, 100.0, 4.65e-3
 
 
+# numba's own generator is its fastest: a Generator passed in takes a fifth longer.
+# ruff: noqa: NPY002
+
+
 def kernel(rays: int, seed: int, bins: int, counts: NDArray[np.int64]) -> None:
     np.random.seed(seed)
     sin_squared = math.sin(HALF_ANGLE_RAD) ** 2
@@ -33,21 +37,21 @@ def kernel(rays: int, seed: int, bins: int, counts: NDArray[np.int64]) -> None:
         dz = math.sqrt(1.0 - sine * sine)
         # the sun's ray (-dx, -dy, -dz), mirrored in the normal (0, 0, 1)
         way = DISTANCE_M / dz
-        column = int(math.floor((x - dx * way + 0.5 * WIDTH_M) * per_m))
-        row = int(math.floor((y - dy * way + 0.5 * WIDTH_M) * per_m))
+        column = math.floor((x - dx * way + 0.5 * WIDTH_M) * per_m)
+        row = math.floor((y - dy * way + 0.5 * WIDTH_M) * per_m)
         if 0 <= column < bins and 0 <= row < bins:
             counts[row, column] += 1
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rays", type=int, default=4_000_000)
-    parser.add_argument("--repeat", type=int, default=5)
+    parser.add_argument("--rays", type=int, default=500_000)
+    parser.add_argument("--repeat", type=int, default=40)
     parser.add_argument("--fastmath", action="store_true")
     arguments = parser.parse_args()
     trace: Any = numba.njit(kernel, fastmath=arguments.fastmath)
     counts = np.zeros((BINS, BINS), np.int64)
-    trace(1000, 1, BINS, counts)
+    trace(1000, 0, BINS, counts)
     seconds = []
     counts[:] = 0
     for number in range(arguments.repeat):
