@@ -77,21 +77,25 @@ impl<'a> Obstacles<'a> {
         })
     }
 
-    /// Elements of other mirrors that a bundle may touch.
+    /// Elements of other mirrors that a bundle may touch; of more than fit the lanes, one more than that, since
+    /// the tree is asked then and a list of all of a fine mesh's would fill the memory.
     pub(super) fn touched(&self, bundle: &Bundle, mirror: u32) -> Vec<u32> {
         let mut found = Vec::new();
+        let enough = core::cell::Cell::new(false);
         self.tree.visit(
-            |bounds| bundle.may_touch(bounds.middle(), bounds.radius()),
+            |bounds| !enough.get() && bundle.may_touch(bounds.middle(), bounds.radius()),
             |k| {
                 let element = &self.elements[k];
-                if element.mirror() != mirror {
+                if element.mirror() != mirror && !enough.get() {
                     let bounds = Aabb::around(element.corners_m());
                     if bundle.may_touch(bounds.middle(), bounds.radius()) {
                         found.push(k as u32);
+                        enough.set(found.len() > MOST_IN_LANES);
                     }
                 }
             },
         );
+        found.shrink_to_fit();
         found
     }
 
