@@ -9,6 +9,7 @@ pub mod folded_plate;
 pub mod gauge;
 pub mod heliostats;
 pub mod map;
+pub mod mesh;
 pub mod optics;
 mod parallel;
 pub mod receiver;

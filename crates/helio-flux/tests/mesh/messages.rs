@@ -1,0 +1,294 @@
+//! Every message of a bad file, as people see it.
+
+use std::fmt::{Display, Write as _};
+
+use helio_flux::mesh::frd::Step;
+use helio_flux::mesh::{MirrorOptions, Pick, ReadOptions, csv, frd, inp};
+
+#[derive(Default)]
+struct Messages(String);
+
+impl Messages {
+    fn add<T>(&mut self, title: &str, result: Result<T, impl Display>) {
+        let Err(error) = result else {
+            panic!("{title}: was accepted");
+        };
+        writeln!(self.0, "# {title}\n{error}\n").unwrap();
+    }
+
+    fn show(self, name: &str) {
+        let mut settings = insta::Settings::clone_current();
+        settings.set_snapshot_path("../snapshots");
+        settings.set_prepend_module_to_snapshot(false);
+        settings.set_omit_expression(true);
+        settings.bind(|| insta::assert_snapshot!(name, self.0));
+    }
+}
+
+const NODES: &str = "*NODE\n1,0,0,0\n2,1,0,0\n3,0,1,0\n4,1,1,0\n";
+
+#[test]
+fn input_files() {
+    let mut m = Messages::default();
+    let options = ReadOptions::default();
+    let mut bad = |title: &str, text: &[u8]| {
+        m.add(title, inp::mesh("model.inp", text, &options));
+    };
+    let mut model = |title: &str, more: &str| bad(title, format!("{NODES}{more}").as_bytes());
+    model("node number that is none", "*NODE\nfive,0,0,0\n");
+    model("node number zero", "*NODE\n0,0,0,0\n");
+    model("coordinate that is no number", "*NODE\n5,0,1..0,0\n");
+    model("coordinate that is infinite", "*NODE\n5,0,0,inf\n");
+    model("coordinate beyond all measure", "*NODE\n5,1e200,0,0\n");
+    model(
+        "coordinates that are not Cartesian",
+        "*NODE, SYSTEM=C\n5,1,0,0\n",
+    );
+    model("node at two places", "*NODE\n2,1,0,0.5\n");
+    model("type of elements missing", "*ELEMENT, ELSET=A\n1,1,2,3\n");
+    model("too few nodes", "*ELEMENT, TYPE=S4\n1,1,2,3\n*STEP\n");
+    model(
+        "too few nodes at the end",
+        "*ELEMENT, TYPE=C3D20R\n1,1,2,3,4,1,2,3,4,\n",
+    );
+    model("too many nodes", "*ELEMENT, TYPE=S3\n1,1,2,3,4\n");
+    model("node that is no number", "*ELEMENT, TYPE=S3\n1,1,2,c\n");
+    model("node left out", "*ELEMENT, TYPE=S3\n1,1,,3\n");
+    model("generated nodes", "*NGEN\n1,4,1\n");
+    model("copied elements", "*ELCOPY, ELEMENT SHIFT=10\n");
+    model("moved instance", "*INSTANCE, NAME=A, PART=B\n1.,0.,0.\n");
+    model("second part", "*PART, NAME=A\n*END PART\n*PART, NAME=B\n");
+    model("include that nobody opens", "*INCLUDE, INPUT=other.inp\n");
+    model("include without a name", "*INCLUDE\n");
+    model("set without a name", "*NSET\n1\n");
+    model("set of an unknown set", "*NSET, NSET=A\nB\n");
+    model(
+        "generate of too many numbers",
+        "*NSET, NSET=A, GENERATE\n1,2,3,4\n",
+    );
+    model("generate with no step", "*NSET, NSET=A, GENERATE\n1,2,0\n");
+    model("surface of an unknown set", "*SURFACE, NAME=A\nB, S1\n");
+    model("surface of an edge", "*SURFACE, NAME=A\n1, E1\n");
+    model("control characters", "*NODE\n5,0,\u{1b}[31m,0\n");
+    model(
+        "long text",
+        &format!("*NODE\n{},0,0,0\n", "x".repeat(10_000)),
+    );
+    bad("empty file", b"");
+    bad("another kind of file", b"PK\x03\x04\x14\x00\x08\n");
+    let mut small = ReadOptions::default();
+    small.limits.nodes = 3;
+    m.add(
+        "too many nodes for the limits",
+        inp::mesh("model.inp", NODES.as_bytes(), &small),
+    );
+    small = ReadOptions::default();
+    small.limits.elements = 1;
+    let text = format!("{NODES}*ELEMENT,TYPE=S3\n1,1,2,3\n2,2,3,4\n");
+    m.add(
+        "too many elements",
+        inp::mesh("model.inp", text.as_bytes(), &small),
+    );
+    small = ReadOptions::default();
+    small.limits.bytes = 10;
+    m.add(
+        "too many bytes",
+        inp::mesh("model.inp", NODES.as_bytes(), &small),
+    );
+    small = ReadOptions::default();
+    small.limits.set_members = 10;
+    // Sets of sets of sets: 2^5 members as they are written.
+    let mut text = format!("{NODES}*NSET,NSET=A0\n1,2\n");
+    for k in 1..6 {
+        let before = k - 1;
+        write!(text, "*NSET,NSET=A{k}\nA{before},A{before}\n").unwrap();
+    }
+    m.add(
+        "sets of sets",
+        inp::mesh("model.inp", text.as_bytes(), &small),
+    );
+    m.add("unit that is none", ReadOptions::in_units_of(f64::NAN));
+    m.show("input_files");
+}
+
+#[test]
+fn result_files() {
+    let good = include_str!("data/strip.frd");
+    let options = ReadOptions::default();
+    let mut m = Messages::default();
+    let mut bad = |title: &str, from: &str, to: &str| {
+        assert!(good.contains(from), "{title}");
+        let text = good.replacen(from, to, 1);
+        m.add(
+            title,
+            frd::displacements("model.frd", text.as_bytes(), Step::Last, &options),
+        );
+    };
+    bad(
+        "binary",
+        "     0    1           1\n",
+        "     0    1           2\n",
+    );
+    bad(
+        "binary mesh",
+        " 6                                     1",
+        " 6                                     3",
+    );
+    bad("no displacements", "DISP", "FORC");
+    bad(
+        "eigenmodes",
+        "     0    1           1\n",
+        "     2    1           1\n",
+    );
+    bad(
+        "no step",
+        "     0    1           1\n",
+        "     0    x           1\n",
+    );
+    bad("results without a header", "  100CL", "  1000L");
+    bad("number cut", "-8.17659E-02", "-8.17659Q-02");
+    bad("number that is infinite", "-8.17659E-02", "    Infinity");
+    bad(
+        "node twice",
+        " -1         2-8.17724",
+        " -1         1-8.17724",
+    );
+    bad(
+        "line cut",
+        "-8.17724E-06 2.60073E-08-2.44566E-02",
+        "-8.17724E-06",
+    );
+    bad(
+        "strange line",
+        " -1         4 0.00000E+00 0.00000E+00 0.00000E+00\n -1         5-8",
+        "hello\n -1         5-8",
+    );
+    bad(
+        "cut short",
+        " -1         6 2.86227E-03 3.76377E-07-8.17659E-02\n -3\n 9999\n",
+        "",
+    );
+    m.add(
+        "empty",
+        frd::displacements("model.frd", b"", Step::Last, &options),
+    );
+    let step = frd::displacements("model.frd", good.as_bytes(), Step::Number(7), &options);
+    m.add("step that is not there", step);
+    let mut bad = |title: &str, from: &str, to: &str| {
+        assert!(good.contains(from), "{title}");
+        let text = good.replacen(from, to, 1);
+        m.add(title, frd::mesh("model.frd", text.as_bytes(), &options));
+    };
+    bad(
+        "mesh: element cut short",
+        " -2         1         2         5         4\n",
+        "",
+    );
+    bad(
+        "mesh: strange line",
+        " -2         1         2         5         4\n",
+        "x\n",
+    );
+    bad(
+        "mesh: type that is no number",
+        "    9    0    1\n",
+        "    q    0    1\n",
+    );
+    m.add(
+        "mesh: no nodes",
+        frd::mesh("model.frd", b"    1C\n 9999\n", &options),
+    );
+    m.show("result_files");
+}
+
+#[test]
+fn tables() {
+    let mut m = Messages::default();
+    let options = ReadOptions::default();
+    let nodes = |text: &str| csv::nodes("nodes.csv", text.as_bytes(), &options);
+    m.add("empty", nodes(""));
+    m.add("no column of numbers", nodes("id,x_m,y_m,z_m\n"));
+    m.add("no column z", nodes("node,x_m,y_m\n1,0,0\n"));
+    m.add(
+        "displacements in part",
+        nodes("node,x_m,y_m,z_m,ux_m\n1,0,0,0,0\n"),
+    );
+    m.add("ragged", nodes("node,x_m,y_m,z_m\n1,0,0\n"));
+    m.add("decimal comma", nodes("node;x_m;y_m;z_m\n1;0,5;0;0\n"));
+    m.add("empty cell", nodes("node,x_m,y_m,z_m\n1,0,,0\n"));
+    m.add("not finite", nodes("node,x_mm,y_mm,z_mm\n1,0,NaN,0\n"));
+    let good = "node,x_m,y_m,z_m\n1,0,0,0\n2,1,0,0\n3,0,1,0\n4,1,1,0\n";
+    let elements = |text: &str| {
+        nodes(good)
+            .unwrap()
+            .elements("elements.csv", text.as_bytes())
+    };
+    m.add("no third node", elements("element,node1,node2\n1,1,2\n"));
+    m.add("two nodes", elements("element,node1,node2,node3\n1,1,2,\n"));
+    m.add(
+        "unknown shape",
+        elements("element,node1,node2,node3,shape\n1,1,2,3,disc\n"),
+    );
+    m.add(
+        "shape of other nodes",
+        elements("element,node1,node2,node3,shape\n1,1,2,3,wedge\n"),
+    );
+    m.add(
+        "element that is no number",
+        elements("element,node1,node2,node3\nA,1,2,3\n"),
+    );
+    let moved = |text: &str| csv::displacements("u.csv", text.as_bytes(), &options);
+    m.add(
+        "displacement twice",
+        moved("node,ux_m,uy_m,uz_m\n1,0,0,0\n1,0,0,0\n"),
+    );
+    m.add(
+        "displacement that is text",
+        moved("node,ux_m,uy_m,uz_m\n1,0,0,-\n"),
+    );
+    m.show("tables");
+}
+
+#[test]
+fn choices() {
+    let mut m = Messages::default();
+    let text = format!("{NODES}*NSET,NSET=CORNERS\n1,2\n*ELEMENT,TYPE=B31,ELSET=FRAME\n1,1,2\n");
+    let read = |text: &str| inp::mesh("m", text.as_bytes(), &ReadOptions::default()).unwrap();
+    let options = MirrorOptions::toward([0.0, 0.0, 1.0]).unwrap();
+    let frame = read(&text);
+    m.add("no mirror", frame.mirror(&Pick::All, &options));
+    m.add(
+        "unknown element set",
+        frame.mirror(&Pick::ElementSet("GLASS"), &options),
+    );
+    m.add(
+        "unknown node set",
+        frame.mirror(&Pick::NodeSet("TOP"), &options),
+    );
+    m.add(
+        "unknown surface",
+        frame.mirror(&Pick::Surface("FRONT"), &options),
+    );
+    let faulty = read(&format!(
+        "{NODES}*ELEMENT,TYPE=S3,ELSET=G\n1,1,2,9\n2,1,2,2\n"
+    ));
+    m.add(
+        "all faulty",
+        faulty.mirror(&Pick::ElementSet("g"), &options),
+    );
+    let good = read(&format!(
+        "{NODES}*NSET,NSET=A\n1,2\n*ELEMENT,TYPE=S3\n1,1,2,3\n"
+    ));
+    m.add(
+        "set of too few nodes",
+        good.mirror(&Pick::NodeSet("a"), &options),
+    );
+    let mut good = good;
+    m.add(
+        "displacements of another mesh",
+        good.set_displacements_m(vec![[0.0; 3]; 3]),
+    );
+    m.add("sun without a direction", MirrorOptions::toward([0.0; 3]));
+    writeln!(m.0, "# faults\n{}\n", faulty.faults()).unwrap();
+    m.show("choices");
+}

@@ -1,0 +1,226 @@
+//! The reflecting side of a mesh: which faces, which way round, which facet.
+
+use helio_flux::Element;
+use helio_flux::mesh::{Mesh, MeshError, Mirror, MirrorOptions, Pick, ReadOptions, inp};
+
+fn mesh(model: &str) -> Mesh {
+    inp::mesh("m.inp", model.as_bytes(), &ReadOptions::default()).unwrap()
+}
+
+fn toward(sun: [f64; 3]) -> MirrorOptions {
+    MirrorOptions::toward(sun).unwrap()
+}
+
+fn normals(mirror: &Mirror) -> Vec<[f64; 3]> {
+    let at = |node: &u32| mirror.position_m()[*node as usize];
+    let element = |face: &helio_flux::mesh::MirrorFace| {
+        let corners: Vec<_> = face.corners().iter().map(at).collect();
+        match corners[..] {
+            [a, b, c] => Element::triangle([a, b, c]),
+            [a, b, c, d] => Element::quadrilateral([a, b, c, d]),
+            _ => unreachable!("three or four corners"),
+        }
+    };
+    mirror
+        .faces()
+        .iter()
+        .map(|f| element(f).unwrap().normal())
+        .collect()
+}
+
+/// Two glasses of 2 x 1 solids, 1 apart, inclined like a roof (slope 1 in 4) and 4 mm thick, on a thick
+/// foot each that shares nodes with the glass from below; `kind` makes of each brick its elements.
+fn roof(kind: &str) -> String {
+    let mut nodes = String::from("*NODE\n");
+    let mut glass = Vec::new();
+    let mut foot = Vec::new();
+    for side in [0, 1] {
+        let base = 1 + 100 * side;
+        let out = if side == 0 { 1.0 } else { -1.0 };
+        for layer in 0..3 {
+            for i in 0..3 {
+                for j in 0..2 {
+                    let z = [0.0, 0.3, 0.304][layer];
+                    let (x, y) = (f64::from(i), f64::from(j));
+                    let id = base + 10 * layer as i32 + 2 * i + j;
+                    let lift = if layer > 0 { -0.25 * x } else { -0.25 };
+                    let (px, pz) = (out * (1.0 + x), 1.0 + z + lift);
+                    nodes += &format!("{id},{px},{y},{pz}\n");
+                }
+            }
+        }
+        for layer in 0..2 {
+            for i in 0..2 {
+                let at = |layer: i32, i: i32, j: i32| base + 10 * layer + 2 * i + j;
+                // Counterclockwise from above; the other side of the roof is a mirror image.
+                let ring = |layer: i32| {
+                    let mut ring = [
+                        at(layer, i, 0),
+                        at(layer, i + 1, 0),
+                        at(layer, i + 1, 1),
+                        at(layer, i, 1),
+                    ];
+                    if side == 1 {
+                        ring.reverse();
+                    }
+                    ring
+                };
+                let [a, b, c, d] = ring(layer);
+                let [e, f, g, h] = ring(layer + 1);
+                let into = if layer == 1 { &mut glass } else { &mut foot };
+                if layer == 0 && i == 1 {
+                    continue;
+                }
+                match kind {
+                    "C3D8" => into.push(vec![a, b, c, d, e, f, g, h]),
+                    "inverted C3D8" => into.push(vec![e, f, g, h, a, b, c, d]),
+                    "C3D6" => {
+                        into.push(vec![a, b, c, e, f, g]);
+                        into.push(vec![a, c, d, e, g, h]);
+                    }
+                    _ => {
+                        // Six tetrahedra about the diagonal from a to g.
+                        for [p, q] in [[b, c], [c, d], [d, h], [h, e], [e, f], [f, b]] {
+                            into.push(vec![a, p, q, g]);
+                        }
+                    }
+                }
+            }
+        }
+    }
+    let kind = kind.split(' ').next_back().unwrap();
+    let mut next = 0;
+    let mut block = |set: &str, elements: &[Vec<i32>]| {
+        let mut text = format!("*ELEMENT,TYPE={kind},ELSET={set}\n");
+        for nodes in elements {
+            next += 1;
+            let nodes: Vec<_> = nodes.iter().map(i32::to_string).collect();
+            text += &format!("{next},{}\n", nodes.join(","));
+        }
+        text
+    };
+    nodes + &block("GLASS", &glass) + &block("FOOT", &foot)
+}
+
+/// The upper faces of both glasses, and neither rims nor backs nor feet.
+#[test]
+fn the_sunny_side_of_solids_of_every_shape() {
+    let up = (1.0_f64 + 0.0625).sqrt();
+    for (kind, faces) in [("C3D8", 4), ("inverted C3D8", 4), ("C3D6", 8), ("C3D4", 8)] {
+        let mesh = mesh(&roof(kind));
+        assert_eq!(
+            mesh.faults().inverted.count() > 0,
+            kind.starts_with("inverted"),
+            "{kind}: {}",
+            mesh.faults()
+        );
+        let mirror = mesh
+            .mirror(&Pick::ElementSet("GLASS"), &toward([0.3, 0.0, 1.0]))
+            .unwrap();
+        assert_eq!(
+            (mirror.faces().len(), mirror.facets()),
+            (faces, 2),
+            "{kind}"
+        );
+        for (face, normal) in mirror.faces().iter().zip(normals(&mirror)) {
+            let side = if face.facet() == 0 { 1.0 } else { -1.0 };
+            let wanted = [side * 0.25 / up, 0.0, 1.0 / up];
+            assert!(
+                (0..3).all(|k| (normal[k] - wanted[k]).abs() < 1e-14),
+                "{kind} {normal:?}"
+            );
+        }
+        // The sun below: the backs, as far as the feet leave them free.
+        let below = mesh.mirror(&Pick::ElementSet("GLASS"), &toward([0.0, 0.0, -1.0]));
+        assert_eq!(below.unwrap().faces().len(), faces / 2, "{kind}");
+    }
+}
+
+#[test]
+fn surfaces_and_node_sets_choose_the_same_faces() {
+    let model = roof("C3D8")
+        + "*SURFACE,NAME=FRONT\nGLASS,S2\n\
+           *NSET,NSET=TOP,GENERATE\n21,26,1\n121,126,1\n*SURFACE,NAME=NONE\n9999,S1\n\
+           *SURFACE,NAME=WRONG\n1,S6\nGLASS,S2\n";
+    let mesh = mesh(&model);
+    let options = toward([0.0, 0.0, 1.0]);
+    let of = |pick| mesh.mirror(&pick, &options).unwrap();
+    let glass = of(Pick::ElementSet("glass"));
+    assert_eq!(of(Pick::Surface("front")), glass);
+    assert_eq!(of(Pick::NodeSet("top")), glass);
+    assert_eq!(glass.faces()[0].element(), 1);
+    assert_eq!(glass.node_ids()[..6], [21, 22, 23, 24, 25, 26]);
+    let error = mesh.mirror(&Pick::Surface("none"), &options).unwrap_err();
+    assert!(matches!(error, MeshError::NoFaces { .. }), "{error}");
+}
+
+/// A bowl of shells, wound at random: seen by a sun so low that it stands behind some of its faces.
+#[test]
+fn shells_are_wound_like_their_neighbours_and_turned_together() {
+    let mut nodes = String::from("*NODE\n");
+    let mut elements = String::from("*ELEMENT,TYPE=S4\n");
+    let count = 8;
+    for i in 0..=count {
+        for j in 0..=count {
+            let (x, y) = (f64::from(i) / 4.0 - 1.0, f64::from(j) / 4.0 - 1.0);
+            nodes += &format!("{},{x},{y},{}\n", 100 * i + j + 1, 0.5 * (x * x + y * y));
+        }
+    }
+    let mut rewound = Vec::new();
+    for i in 0..count {
+        for j in 0..count {
+            let at = |i, j| 100 * i + j + 1;
+            let mut ring = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+            let id = 1 + i * count + j;
+            if id != 1 && (i * 7 + j * 5) % 3 == 0 {
+                ring.reverse();
+                rewound.push(id as u64);
+            }
+            let [a, b, c, d] = ring;
+            elements += &format!("{id},{a},{b},{c},{d}\n");
+        }
+    }
+    let mesh = mesh(&(nodes + &elements));
+    let mirror = mesh.mirror(&Pick::All, &toward([0.9, 0.0, 0.3])).unwrap();
+    assert_eq!(mirror.facets(), 1);
+    let mut behind = 0;
+    for normal in normals(&mirror) {
+        assert!(normal[2] > 0.0, "{normal:?}");
+        behind += usize::from(0.9 * normal[0] + 0.3 * normal[2] < 0.0);
+    }
+    assert!(behind > 0);
+    assert_eq!(mirror.rewound().count(), rewound.len() as u64);
+    assert_eq!(mirror.rewound().first()[..], rewound[..8]);
+}
+
+#[test]
+fn creases_part_facets() {
+    // Two squares that meet at an angle of 30° along a shared edge.
+    let (c, s) = (30.0_f64.to_radians().cos(), 30.0_f64.to_radians().sin());
+    let model = format!(
+        "*NODE\n1,0,0,0\n2,0,1,0\n3,-1,0,0\n4,-1,1,0\n5,{c},0,{s}\n6,{c},1,{s}\n\
+         *ELEMENT,TYPE=S4\n1,3,1,2,4\n2,1,5,6,2\n"
+    );
+    let mesh = mesh(&model);
+    let facets = |degrees: f64| {
+        let options = toward([0.0, 0.0, 1.0]).with_crease_rad(degrees.to_radians());
+        mesh.mirror(&Pick::All, &options.unwrap()).unwrap().facets()
+    };
+    assert_eq!((facets(29.0), facets(31.0)), (2, 1));
+    assert!(toward([0.0, 0.0, 1.0]).with_crease_rad(2.0).is_err());
+    assert!(MirrorOptions::toward([0.0; 3]).is_err());
+    assert!(MirrorOptions::toward([f64::NAN, 0.0, 1.0]).is_err());
+}
+
+#[test]
+fn faulty_elements_have_no_face_and_are_named() {
+    let model = "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n\
+        *ELEMENT,TYPE=S4\n1,1,2,3,4\n2,1,2,3,99\n3,1,3,2,4\n";
+    let mirror = mesh(model).mirror(&Pick::All, &toward([0.0, 0.0, 1.0]));
+    let mirror = mirror.unwrap();
+    assert_eq!(mirror.faces().len(), 1);
+    assert_eq!(
+        (mirror.unusable().count(), mirror.unusable().first()),
+        (2, &[2, 3][..])
+    );
+}
