@@ -3,6 +3,7 @@
 pub mod account;
 mod bvh;
 pub mod convolve;
+pub mod deform;
 pub mod element;
 pub mod error;
 pub mod folded_plate;

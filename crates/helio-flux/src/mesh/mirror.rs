@@ -3,6 +3,7 @@
 use super::error::{MeshError, quoted};
 use super::shape::{Lie, lie};
 use super::{ElementStatus, Face, Fault, Mesh, find};
+use crate::element::Element;
 use crate::vector::{Vector, cross, dot, norm, scale, sub, unit};
 
 mod facets;
@@ -350,7 +351,12 @@ impl Mesh {
         } else {
             super::Shape::Quadrilateral
         };
-        if lie(shape, &at[..count]) != Lie::Good {
+        // What the flat piece of it will say.
+        let element = match shape {
+            super::Shape::Triangle => Element::triangle([at[0], at[1], at[2]]),
+            _ => Element::quadrilateral(at),
+        };
+        if element.is_err() || lie(shape, &at[..count]) != Lie::Good {
             return None;
         }
         let area = cross(sub(at[2], at[0]), sub(at[count - 1], at[1]));

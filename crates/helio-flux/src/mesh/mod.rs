@@ -9,7 +9,7 @@
 //! A reader takes bytes and the name to call them by, and touches no file itself. It gives a [`Mesh`]:
 //! nodes and elements by the numbers of the file, points in metres in the right-handed frame of the file.
 //! Of quadratic elements the corners are kept. [`Mesh::mirror`] takes the reflecting faces out of it, turned
-//! toward the sun; what follows asks how the load bent them.
+//! toward the sun; [`deform`](crate::deform) then asks how the load bent them.
 //!
 //! A file that breaks its format is refused with file, line, what was found and what was wanted
 //! ([`ReadError`]). An element that is wrong by itself (a node is missing, no area, inverted, there twice)
