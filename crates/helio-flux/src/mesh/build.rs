@@ -41,6 +41,7 @@ pub(crate) enum Member {
 pub(crate) struct RawSets {
     sets: Vec<RawSet>,
     by_name: HashMap<String, usize>,
+    members: u64,
 }
 
 impl RawSets {
@@ -62,8 +63,17 @@ impl RawSets {
         place
     }
 
-    pub(crate) fn push(&mut self, place: usize, member: Member) {
+    pub(crate) fn push(
+        &mut self,
+        source: &Source<'_>,
+        place: usize,
+        member: Member,
+    ) -> Result<(), ReadError> {
+        self.members += 1;
+        let most = source.options.limits.set_members;
+        source.at_most("members of sets", self.members, most)?;
         self.sets[place].members.push(member);
+        Ok(())
     }
 
     /// The rows of every set's members: ascending, each once. Numbers that nothing has are left out.
@@ -268,11 +278,17 @@ impl Builder {
             let mut key = corners;
             key.sort_unstable();
             let again = element_index.contains_key(&raw.id);
-            element_index.entry(raw.id).or_insert(row as u32);
+            let mut first = row as u32;
+            if missing.is_none() && !again {
+                first = *same_corners.entry((raw.shape, key)).or_insert(first);
+            }
+            // In sets, an element with the corners of one before stands for that one: Gmsh's version 2.2
+            // repeats an element for each of its groups.
+            element_index.entry(raw.id).or_insert(first);
             let of_element = if let Some(node) = missing {
                 faults.missing_nodes.add_pair(raw.id, node);
                 ElementStatus::MissingNode
-            } else if again || *same_corners.entry((raw.shape, key)).or_insert(row) < row {
+            } else if again || first < row as u32 {
                 faults.duplicate.add(raw.id);
                 ElementStatus::Duplicate
             } else {

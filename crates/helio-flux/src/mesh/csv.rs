@@ -154,7 +154,9 @@ impl Nodes<'_> {
                 && !table.cell(column).is_empty()
             {
                 let place = self.builder.element_sets.place(&lossy(table.cell(column)));
-                self.builder.element_sets.push(place, Member::Id(element));
+                self.builder
+                    .element_sets
+                    .push(&source, place, Member::Id(element))?;
             }
         }
         let mut mesh = self.builder.finish(&source)?;

@@ -4,6 +4,7 @@
 //! |---|---|---|
 //! | CalculiX or Abaqus `.inp` | [`inp`] | nodes, shells and solids, node and element sets, surfaces, `*INCLUDE` |
 //! | CalculiX `.frd` | [`frd`] | nodes, elements, displacements of a step |
+//! | Gmsh `.msh` | [`gmsh`] | nodes, elements, physical groups, displacements |
 //! | tables in CSV | [`csv`] | nodes, elements, displacements |
 //!
 //! A reader takes bytes and the name to call them by, and touches no file itself. It gives a [`Mesh`]:
@@ -37,9 +38,11 @@ pub mod csv;
 pub mod error;
 mod faults;
 pub mod frd;
+pub mod gmsh;
 pub mod inp;
 mod mirror;
 mod options;
+mod scan;
 mod shape;
 mod text;
 

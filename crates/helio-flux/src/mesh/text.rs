@@ -2,6 +2,7 @@
 
 use super::error::{ReadError, ReadProblem};
 use super::options::ReadOptions;
+use crate::vector::Vector;
 
 /// Lines of a file, counted from 1, without their ends.
 #[derive(Debug, Clone)]
@@ -114,6 +115,19 @@ impl Source<'_> {
         };
         scaled_m(value, metres_per_unit)
             .ok_or_else(|| self.error(line, not_finite(what, &lossy(text), metres_per_unit)))
+    }
+}
+
+impl Source<'_> {
+    /// A point of a binary part.
+    pub(crate) fn point_m(&self, what: &str, at: Vector) -> Result<Vector, ReadError> {
+        let metres_per_unit = self.options.metres_per_unit();
+        let mut out = [0.0; 3];
+        for (out, value) in out.iter_mut().zip(at) {
+            *out = scaled_m(value, metres_per_unit)
+                .ok_or_else(|| self.whole(not_finite(what, &value.to_string(), metres_per_unit)))?;
+        }
+        Ok(out)
     }
 }
 

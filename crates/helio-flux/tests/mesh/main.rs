@@ -3,6 +3,7 @@
 // clippy.toml covers the tests themselves, not their helpers.
 #![allow(clippy::unwrap_used)]
 
+mod gmsh;
 mod messages;
 mod mirror;
 mod readers;

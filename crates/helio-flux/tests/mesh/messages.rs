@@ -3,6 +3,7 @@
 use std::fmt::{Display, Write as _};
 
 use helio_flux::mesh::frd::Step;
+use helio_flux::mesh::gmsh::{self, Vectors};
 use helio_flux::mesh::{MirrorOptions, Pick, ReadOptions, csv, frd, inp};
 
 #[derive(Default)]
@@ -199,6 +200,102 @@ fn result_files() {
         frd::mesh("model.frd", b"    1C\n 9999\n", &options),
     );
     m.show("result_files");
+}
+
+#[test]
+fn gmsh_files() {
+    let good = "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$PhysicalNames\n1\n2 7 \"glass\"\n$EndPhysicalNames\n\
+        $Entities\n0 0 1 0\n1 0 0 0 1 1 0 1 7 0\n$EndEntities\n\
+        $Nodes\n1 3 1 3\n2 1 0 3\n1\n2\n3\n0 0 0\n1 0 0\n0 1 0\n$EndNodes\n\
+        $Elements\n1 1 1 1\n2 1 2 1\n1 1 2 3\n$EndElements\n\
+        $NodeData\n1\n\"u\"\n1\n0.0\n3\n0\n3\n2\n1 0 0 0\n2 0 0 0.1\n$EndNodeData\n";
+    let options = ReadOptions::default();
+    let read = |bytes: &[u8]| gmsh::mesh("model.msh", bytes, Vectors::Displacement, &options);
+    assert_eq!(
+        read(good.as_bytes()).unwrap().element_set("glass").unwrap(),
+        [1]
+    );
+    let mut m = Messages::default();
+    let mut bad = |title: &str, from: &str, to: &str| {
+        assert!(good.contains(from), "{title}");
+        m.add(title, read(good.replacen(from, to, 1).as_bytes()));
+    };
+    bad("another version", "4.1 0 8", "4 0 8");
+    bad("neither text nor binary", "4.1 0 8", "4.1 2 8");
+    bad("other numbers", "4.1 0 8", "4.1 0 4");
+    bad("no format", "$MeshFormat", "$Nodes");
+    bad("stray words", "$Nodes", "Nodes");
+    bad("physical name without a name", "2 7 \"glass\"", "2 7");
+    bad(
+        "too many names",
+        "$PhysicalNames\n1",
+        "$PhysicalNames\n99999999999",
+    );
+    bad(
+        "entity with a strange number",
+        "1 0 0 0 1 1 0 1 7 0",
+        "1 0 0 0 1 1 0 x 7 0",
+    );
+    bad(
+        "too many groups",
+        "1 0 0 0 1 1 0 1 7 0",
+        "1 0 0 0 1 1 0 1000000 7 0",
+    );
+    bad("too many nodes", "2 1 0 3\n", "2 1 0 4000000000\n");
+    bad("fewer nodes than said", "2 1 0 3\n", "2 1 0 2\n");
+    bad("parametric", "2 1 0 3\n", "2 1 5 3\n");
+    bad("node zero", "3\n1\n2\n3\n0", "3\n0\n2\n3\n0");
+    bad(
+        "position that is not finite",
+        "0 1 0\n$EndNodes",
+        "0 -nan 0\n$EndNodes",
+    );
+    bad(
+        "type of elements unknown",
+        "2 1 2 1\n1 1 2 3",
+        "2 1 99 1\n1 1 2 3",
+    );
+    bad(
+        "too many elements",
+        "2 1 2 1\n1 1 2 3",
+        "2 1 2 1000\n1 1 2 3",
+    );
+    bad(
+        "too few nodes of an element",
+        "1 1 2 3\n$EndE",
+        "1 1 2\n$EndE",
+    );
+    bad("too many values", "3\n0\n3\n2\n", "3\n0\n3\n500\n");
+    bad("values of a strange kind", "3\n0\n3\n2\n", "3\n0\n81\n2\n");
+    bad("too many tags", "$NodeData\n1\n", "$NodeData\n101\n");
+    bad("node moved twice", "\n2 0 0 0.1", "\n1 0 0 0.1");
+    bad("displacement that is infinite", "0 0 0.1", "0 0 inf");
+    bad("cut short", "2 0 0 0.1\n$EndNodeData\n", "");
+    bad(
+        "section without an end",
+        "$EndElements\n",
+        "$EndElements\n$Periodic\n",
+    );
+    let binary = include_bytes!("data/simple-4.1-binary.msh");
+    let mut bad = |title: &str, bytes: &[u8]| m.add(title, read(bytes));
+    bad("binary, cut short", &binary[..1500]);
+    let mut broken = binary.to_vec();
+    let at = broken.windows(7).position(|w| w == b"$Nodes\n").unwrap() + 7;
+    broken[at..at + 8].copy_from_slice(&u64::MAX.to_le_bytes());
+    bad("binary, too many blocks", &broken);
+    let binary = include_bytes!("data/simple-2.2-binary.msh");
+    let mut broken = binary.to_vec();
+    broken[20] = 9;
+    bad("binary, order of bytes", &broken);
+    let mut broken = binary.to_vec();
+    let at = broken.windows(7).position(|w| w == b"$Nodes\n").unwrap() + 10;
+    broken[at..at + 4].copy_from_slice(&(-5_i32).to_le_bytes());
+    bad("binary, node below zero", &broken);
+    let mut broken = binary.to_vec();
+    broken[at + 4..at + 12].copy_from_slice(&f64::NAN.to_le_bytes());
+    bad("binary, not a number", &broken);
+    bad("empty", b"");
+    m.show("gmsh_files");
 }
 
 #[test]

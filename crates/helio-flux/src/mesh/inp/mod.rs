@@ -15,7 +15,7 @@ use std::io;
 
 use self::keyword::{Keyword, Kind, kind};
 use super::Mesh;
-use super::build::{Builder, Member};
+use super::build::{Builder, Member, RawSets};
 use super::error::{ReadError, ReadProblem};
 use super::options::ReadOptions;
 use super::text::{Lines, Source, cells, lossy, trim, whole};
@@ -307,7 +307,7 @@ impl Reader<'_> {
                 }
                 self.builder.node(source, line, id, at_m)?;
                 if let Some(set) = *set {
-                    self.builder.node_sets.push(set, Member::Id(id));
+                    self.builder.node_sets.push(source, set, Member::Id(id))?;
                 }
                 Ok(())
             }
@@ -350,7 +350,9 @@ impl Reader<'_> {
                     let id = numbers[0];
                     self.builder.element(source, id, *shape, &numbers[1..])?;
                     if let Some(set) = *set {
-                        self.builder.element_sets.push(set, Member::Id(id));
+                        self.builder
+                            .element_sets
+                            .push(source, set, Member::Id(id))?;
                     }
                     numbers.clear();
                 }
@@ -358,25 +360,11 @@ impl Reader<'_> {
             }
             Block::NodeSet { place, generate } => {
                 let sets = &mut self.builder.node_sets;
-                members(source, line, text, *generate, |cell| {
-                    let member = match cell {
-                        Cell::Member(member) => member,
-                        Cell::Name(name) => Member::Set(sets.find(name)?),
-                    };
-                    sets.push(*place, member);
-                    Some(())
-                })
+                members(source, line, text, *generate, sets, *place)
             }
             Block::ElementSet { place, generate } => {
                 let sets = &mut self.builder.element_sets;
-                members(source, line, text, *generate, |cell| {
-                    let member = match cell {
-                        Cell::Member(member) => member,
-                        Cell::Name(name) => Member::Set(sets.find(name)?),
-                    };
-                    sets.push(*place, member);
-                    Some(())
-                })
+                members(source, line, text, *generate, sets, *place)
             }
             Block::Surface { place } => {
                 let place = *place;
@@ -421,18 +409,14 @@ impl Reader<'_> {
     }
 }
 
-enum Cell<'a> {
-    Member(Member),
-    Name(&'a str),
-}
-
-/// The members on a line of a set; `take` gives `None` for a name that it does not know.
+/// The members on a line of a set.
 fn members(
     source: &Source<'_>,
     line: usize,
     text: &[u8],
     generate: bool,
-    mut take: impl FnMut(Cell<'_>) -> Option<()>,
+    sets: &mut RawSets,
+    place: usize,
 ) -> Result<(), ReadError> {
     if generate {
         let mut numbers = [1, 1, 1];
@@ -449,18 +433,18 @@ fn members(
         if count == 1 {
             to = from;
         }
-        take(Cell::Member(Member::Range(from, to, step)));
-        return Ok(());
+        return sets.push(source, place, Member::Range(from, to, step));
     }
     for cell in cells(text).filter(|cell| !cell.is_empty()) {
-        let known = match whole(cell) {
-            Some(id) => take(Cell::Member(Member::Id(id))),
-            None => take(Cell::Name(lossy(cell).trim_matches('"'))),
+        let member = match whole(cell) {
+            Some(id) => Some(Member::Id(id)),
+            None => sets.find(lossy(cell).trim_matches('"')).map(Member::Set),
         };
-        if known.is_none() {
+        let Some(member) = member else {
             let wanted = "a number or a set defined above";
             return Err(source.wrong(line, "member of a set", wanted, &lossy(cell)));
-        }
+        };
+        sets.push(source, place, member)?;
     }
     Ok(())
 }
