@@ -67,6 +67,14 @@ pub enum ReadProblem {
         /// What the system said.
         reason: String,
     },
+    /// The file breaks the rules of its own format.
+    #[error("not well-formed {format}: {message}")]
+    Syntax {
+        /// The format.
+        format: &'static str,
+        /// What its parser said.
+        message: String,
+    },
     /// Text that is something else than wanted.
     #[error("{what} must be {wanted}, found {}", quoted(.found))]
     Wrong {

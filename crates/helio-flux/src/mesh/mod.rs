@@ -5,6 +5,7 @@
 //! | CalculiX or Abaqus `.inp` | [`inp`] | nodes, shells and solids, node and element sets, surfaces, `*INCLUDE` |
 //! | CalculiX `.frd` | [`frd`] | nodes, elements, displacements of a step |
 //! | Gmsh `.msh` | [`gmsh`] | nodes, elements, physical groups, displacements |
+//! | VTK `.vtk`, `.vtu`, `.vtp` | [`vtk`] | nodes, elements, labels of elements, displacements |
 //! | tables in CSV | [`csv`] | nodes, elements, displacements |
 //!
 //! A reader takes bytes and the name to call them by, and touches no file itself. It gives a [`Mesh`]:
@@ -45,9 +46,11 @@ mod options;
 mod scan;
 mod shape;
 mod text;
+pub mod vtk;
 
 pub use error::{MeshError, ReadError, ReadProblem};
 pub use faults::{ElementStatus, Fault, Faults};
+pub use gmsh::Vectors;
 pub use mirror::{Mirror, MirrorFace, MirrorOptions, Pick};
 pub use options::{Limits, ReadOptions};
 pub use shape::Shape;

@@ -121,11 +121,27 @@ impl Source<'_> {
 impl Source<'_> {
     /// A point of a binary part.
     pub(crate) fn point_m(&self, what: &str, at: Vector) -> Result<Vector, ReadError> {
+        self.point_of(None, what, at)
+    }
+
+    /// A point whose last word stands on a line.
+    pub(crate) fn point_on(
+        &self,
+        line: usize,
+        what: &str,
+        at: Vector,
+    ) -> Result<Vector, ReadError> {
+        self.point_of(Some(line), what, at)
+    }
+
+    fn point_of(&self, line: Option<usize>, what: &str, at: Vector) -> Result<Vector, ReadError> {
         let metres_per_unit = self.options.metres_per_unit();
         let mut out = [0.0; 3];
         for (out, value) in out.iter_mut().zip(at) {
-            *out = scaled_m(value, metres_per_unit)
-                .ok_or_else(|| self.whole(not_finite(what, &value.to_string(), metres_per_unit)))?;
+            *out = scaled_m(value, metres_per_unit).ok_or_else(|| {
+                let problem = not_finite(what, &value.to_string(), metres_per_unit);
+                ReadError::new(self.file, line, problem)
+            })?;
         }
         Ok(out)
     }

@@ -7,3 +7,4 @@ mod gmsh;
 mod messages;
 mod mirror;
 mod readers;
+mod vtk;

@@ -4,7 +4,7 @@ use std::fmt::{Display, Write as _};
 
 use helio_flux::mesh::frd::Step;
 use helio_flux::mesh::gmsh::{self, Vectors};
-use helio_flux::mesh::{MirrorOptions, Pick, ReadOptions, csv, frd, inp};
+use helio_flux::mesh::{MirrorOptions, Pick, ReadOptions, csv, frd, inp, vtk};
 
 #[derive(Default)]
 struct Messages(String);
@@ -296,6 +296,146 @@ fn gmsh_files() {
     bad("binary, not a number", &broken);
     bad("empty", b"");
     m.show("gmsh_files");
+}
+
+#[test]
+fn vtk_files() {
+    let mut m = Messages::default();
+    let options = ReadOptions::default();
+    let read = |name: &str, bytes: &[u8]| vtk::mesh(name, bytes, Vectors::Displacement, &options);
+    let good = include_str!("data/vtk/grid-42.vtk");
+    read("good", good.as_bytes()).unwrap();
+    let mut bad = |title: &str, from: &str, to: &str| {
+        assert!(good.contains(from), "{title}");
+        m.add(
+            title,
+            read("model.vtk", good.replacen(from, to, 1).as_bytes()),
+        );
+    };
+    bad("first line", "# vtk DataFile", "# vtx DataFile");
+    bad("neither text nor binary", "ASCII", "ASCI");
+    bad("another data set", "UNSTRUCTURED_GRID", "STRUCTURED_GRID");
+    bad("points of text", "POINTS 30 double", "POINTS 30 string");
+    bad("too many points", "POINTS 30", "POINTS 3000000000000");
+    bad("fewer points than said", "POINTS 30", "POINTS 31");
+    bad("point that is no number", "0 0 0 1", "0 zero 0 1");
+    bad("point that is not finite", "0 0 0 1", "0 nan 0 1");
+    bad("cell with too many points", "\n4 0 1 2 3", "\n9 0 1 2 3");
+    bad("point below zero", "\n4 0 1 2 3", "\n4 0 1 -2 3");
+    bad("cells fewer than said", "CELLS 6", "CELLS 7");
+    bad("types fewer than cells", "CELL_TYPES 6", "CELL_TYPES 5");
+    bad(
+        "type with other points",
+        "CELL_TYPES 6\n9",
+        "CELL_TYPES 6\n12",
+    );
+    bad("stray word", "CELL_DATA", "CELLDATA");
+    bad("labels fewer than cells", "part 1 6 int", "part 1 5 int");
+    bad("array without a type", "part 1 6 int", "part 1 6 0");
+    bad(
+        "displacements fewer than points",
+        "displacement 3 30",
+        "displacement 3 29",
+    );
+    let good = include_str!("data/vtk/grid-51.vtk");
+    let mut bad = |title: &str, from: &str, to: &str| {
+        assert!(good.contains(from), "{title}");
+        m.add(
+            title,
+            read("model.vtk", good.replacen(from, to, 1).as_bytes()),
+        );
+    };
+    bad("offsets that fall", "0 4 7 15", "0 4 3 15");
+    bad("offsets that end too early", "29 31", "29 30");
+    bad("no connectivity", "CONNECTIVITY", "CONNECTED");
+    let good = include_bytes!("data/vtk/grid-42-binary.vtk");
+    m.add("binary, cut short", read("model.vtk", &good[..700]));
+    m.add("binary, cut in the points", read("model.vtk", &good[..200]));
+    let good = include_str!("data/vtk/grid-ascii-plain.vtu");
+    read("good", good.as_bytes()).unwrap();
+    let mut bad = |title: &str, from: &str, to: &str| {
+        assert!(good.contains(from), "{title}");
+        m.add(
+            title,
+            read("model.vtu", good.replacen(from, to, 1).as_bytes()),
+        );
+    };
+    bad("XML: another kind", "\"UnstructuredGrid\"", "\"ImageData\"");
+    bad("XML: not VTK", "VTKFile", "HTML");
+    bad("XML: order of bytes", "LittleEndian", "MiddleEndian");
+    bad("XML: head", "UInt32", "UInt16");
+    bad("XML: tags that do not close", "</Points>", "</Pts>");
+    bad(
+        "XML: number of points",
+        "NumberOfPoints=\"30\"",
+        "NumberOfPoints=\"31\"",
+    );
+    bad(
+        "XML: number of points is text",
+        "NumberOfPoints=\"30\"",
+        "NumberOfPoints=\"many\"",
+    );
+    bad(
+        "XML: number of cells",
+        "NumberOfCells=\"6\"",
+        "NumberOfCells=\"5\"",
+    );
+    bad(
+        "XML: type of an array",
+        "<DataArray type=\"Float64\" Name=\"Points\"",
+        "<DataArray type=\"String\" Name=\"Points\"",
+    );
+    bad(
+        "XML: format of an array",
+        "format=\"ascii\"",
+        "format=\"hex\"",
+    );
+    bad(
+        "XML: binary that is none",
+        "format=\"ascii\"",
+        "format=\"binary\"",
+    );
+    bad(
+        "XML: components",
+        "NumberOfComponents=\"3\"",
+        "NumberOfComponents=\"x\"",
+    );
+    bad(
+        "XML: appended without data",
+        "format=\"ascii\"",
+        "format=\"appended\" offset=\"4\"",
+    );
+    bad("XML: no offset", "format=\"ascii\"", "format=\"appended\"");
+    bad("XML: no types", "Name=\"types\"", "Name=\"kinds\"");
+    bad("XML: no number", "0 1 2 3", "0 1 2 x");
+    let good = include_bytes!("data/vtk/grid-appended-zlib-raw.vtu");
+    let head = good
+        .windows(13)
+        .position(|w| w == b"<AppendedData")
+        .unwrap();
+    let start = head + good[head..].iter().position(|&b| b == b'_').unwrap();
+    let mut broken = good.to_vec();
+    broken[start + 1..start + 5].copy_from_slice(&u32::MAX.to_le_bytes());
+    m.add("XML: too many blocks", read("model.vtu", &broken));
+    let mut broken = good.to_vec();
+    broken[start + 60..start + 90].fill(7);
+    m.add("XML: packed bytes broken", read("model.vtu", &broken));
+    let mut broken = good.to_vec();
+    broken[start] = b'x';
+    m.add("XML: no mark", read("model.vtu", &broken));
+    m.add(
+        "XML: cut short",
+        read("model.vtu", &good[..good.len() - 200]),
+    );
+    let mut small = options;
+    small.limits.bytes = 100_000;
+    // 4 kB that unpack to 3 MB of zeros.
+    let bomb = include_bytes!("data/bomb.vtu");
+    read("bomb.vtu", bomb).unwrap();
+    let packed = vtk::mesh("bomb.vtu", bomb, Vectors::Displacement, &small);
+    m.add("XML: unpacks to too much", packed);
+    m.add("empty", read("model.vtk", b""));
+    m.show("vtk_files");
 }
 
 #[test]
