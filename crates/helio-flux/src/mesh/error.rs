@@ -62,13 +62,13 @@ impl std::error::Error for ReadError {}
 #[non_exhaustive]
 pub enum ReadProblem {
     /// The file, or one that it includes, cannot be opened.
-    #[error("cannot be read: {reason}")]
+    #[error("cannot be read: {}", shown(.reason))]
     Unreadable {
         /// What the system said.
         reason: String,
     },
     /// The file breaks the rules of its own format.
-    #[error("not well-formed {format}: {message}")]
+    #[error("not well-formed {format}: {}", shown(.message))]
     Syntax {
         /// The format.
         format: &'static str,
@@ -76,7 +76,7 @@ pub enum ReadProblem {
         message: String,
     },
     /// Text that is something else than wanted.
-    #[error("{what} must be {wanted}, found {}", quoted(.found))]
+    #[error("{} must be {}, found {}", shown(.what), shown(.wanted), quoted(.found))]
     Wrong {
         /// The quantity, column or word.
         what: String,
@@ -86,7 +86,7 @@ pub enum ReadProblem {
         found: String,
     },
     /// A number that is NaN, infinite or larger than any mirror.
-    #[error("{what} must be a finite number within ±{most:e}, found {}", quoted(.found))]
+    #[error("{} must be a finite number within ±{most:e}, found {}", shown(.what), quoted(.found))]
     NotFinite {
         /// The quantity.
         what: String,
@@ -96,7 +96,7 @@ pub enum ReadProblem {
         found: String,
     },
     /// Something that must be there is not.
-    #[error("{what} is missing; wanted {wanted}")]
+    #[error("{} is missing; wanted {}", shown(.what), shown(.wanted))]
     Missing {
         /// What is missing.
         what: String,
@@ -130,7 +130,7 @@ pub enum ReadProblem {
         most: u64,
     },
     /// The file ends before it should.
-    #[error("the file ends inside {inside}")]
+    #[error("the file ends inside {}", shown(.inside))]
     Ended {
         /// What was begun.
         inside: String,

@@ -46,14 +46,15 @@ mod options;
 mod scan;
 mod shape;
 mod text;
+mod vectors;
 pub mod vtk;
 
 pub use error::{MeshError, ReadError, ReadProblem};
 pub use faults::{ElementStatus, Fault, Faults};
-pub use gmsh::Vectors;
 pub use mirror::{Mirror, MirrorFace, MirrorOptions, Pick};
 pub use options::{Limits, ReadOptions};
 pub use shape::Shape;
+pub use vectors::Vectors;
 
 /// A mesh: nodes, elements, sets and surfaces, and the displacements of the nodes if they are known.
 ///

@@ -1,8 +1,7 @@
 //! Files that Gmsh wrote, against what Gmsh says of them.
 
 use helio_flux::deform::substitute_elements;
-use helio_flux::mesh::gmsh::{self, Vectors};
-use helio_flux::mesh::{Mesh, MirrorOptions, Pick, ReadOptions};
+use helio_flux::mesh::{Mesh, MirrorOptions, Pick, ReadOptions, Vectors, gmsh};
 
 const FILES: [(&str, &[u8]); 8] = [
     ("simple-2.2", include_bytes!("data/simple-2.2.msh")),

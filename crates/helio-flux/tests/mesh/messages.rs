@@ -3,8 +3,7 @@
 use std::fmt::{Display, Write as _};
 
 use helio_flux::mesh::frd::Step;
-use helio_flux::mesh::gmsh::{self, Vectors};
-use helio_flux::mesh::{MirrorOptions, Pick, ReadOptions, csv, frd, inp, vtk};
+use helio_flux::mesh::{MirrorOptions, Pick, ReadOptions, Vectors, csv, frd, gmsh, inp, vtk};
 
 #[derive(Default)]
 struct Messages(String);

@@ -2,11 +2,10 @@
 
 use std::collections::HashSet;
 
-use super::Vectors;
-use crate::mesh::Displacements;
 use crate::mesh::error::{ReadError, ReadProblem};
 use crate::mesh::scan::Scan;
 use crate::mesh::text::lossy;
+use crate::mesh::{Displacements, Vectors};
 
 /// The most tags of each kind.
 const MOST_TAGS: u64 = 100;

@@ -20,56 +20,8 @@ use super::options::ReadOptions;
 use super::scan::Scan;
 use super::shape::Shape;
 use super::text::{Source, lossy};
+use super::vectors::Vectors;
 use super::{Displacements, Mesh};
-
-/// Which vectors of the nodes are their displacements.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[non_exhaustive]
-pub enum Vectors<'a> {
-    /// Those named `displacement`, `displacements`, `displacement_m`, `disp` or `u`, whatever the case; none
-    /// if there are none of these names. Of several steps the last.
-    #[default]
-    Displacement,
-    /// Those of this name.
-    Named(&'a str),
-}
-
-impl Vectors<'_> {
-    pub(crate) fn wants(&self, name: &str) -> bool {
-        match self {
-            Self::Displacement => {
-                let known = [
-                    "displacement",
-                    "displacements",
-                    "displacement_m",
-                    "disp",
-                    "u",
-                ];
-                known.iter().any(|known| name.eq_ignore_ascii_case(known))
-            }
-            Self::Named(wanted) => name == *wanted,
-        }
-    }
-
-    /// Names that were asked for must be there.
-    pub(crate) fn check(
-        &self,
-        source: &Source<'_>,
-        found: bool,
-        known: &[String],
-    ) -> Result<(), ReadError> {
-        match self {
-            Self::Named(name) if !found => {
-                let known: Vec<_> = known.iter().take(8).cloned().collect();
-                Err(source.whole(ReadProblem::Missing {
-                    what: format!("a vector of the nodes named {}", super::error::quoted(name)),
-                    wanted: format!("one of [{}]", lossy(known.join(", ").as_bytes())),
-                }))
-            }
-            _ => Ok(()),
-        }
-    }
-}
 
 /// Reads a mesh and the displacements in it; `file` is the name in messages.
 ///
@@ -78,8 +30,7 @@ impl Vectors<'_> {
 /// it does not have.
 ///
 /// ```
-/// use helio_flux::mesh::gmsh::{self, Vectors};
-/// use helio_flux::mesh::ReadOptions;
+/// use helio_flux::mesh::{ReadOptions, Vectors, gmsh};
 /// let file = b"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n1\n2 4 \"mirror\"\n$EndPhysicalNames\n\
 ///     $Nodes\n3\n1 0 0 0\n2 1 0 0\n3 0 1 0\n$EndNodes\n$Elements\n1\n9 2 2 4 1 1 2 3\n$EndElements\n";
 /// let mesh = gmsh::mesh("mirror.msh", file, Vectors::Displacement, &ReadOptions::default())?;

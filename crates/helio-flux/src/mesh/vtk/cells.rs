@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 
 use crate::mesh::build::{Builder, Member};
 use crate::mesh::error::{ReadError, ReadProblem};
-use crate::mesh::gmsh::Vectors;
 use crate::mesh::text::Source;
+use crate::mesh::vectors::Vectors;
 use crate::mesh::{Displacements, Mesh, Shape};
 use crate::vector::Vector;
 

@@ -3,9 +3,9 @@
 use super::array::{Kind, Number};
 use super::cells::{Cells, Grid, NO_CELL, POLYGON};
 use crate::mesh::error::{ReadError, ReadProblem};
-use crate::mesh::gmsh::Vectors;
 use crate::mesh::scan::Scan;
 use crate::mesh::text::lossy;
+use crate::mesh::vectors::Vectors;
 
 /// What the arrays after `POINT_DATA` or `CELL_DATA` belong to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -17,10 +17,10 @@ mod xml;
 
 use super::Mesh;
 use super::error::ReadError;
-use super::gmsh::Vectors;
 use super::options::ReadOptions;
 use super::scan::Scan;
 use super::text::Source;
+use super::vectors::Vectors;
 
 /// Reads a mesh and the displacements in it, from a legacy or an XML file; `file` is the name in messages.
 ///

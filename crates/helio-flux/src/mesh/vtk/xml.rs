@@ -8,8 +8,8 @@ use quick_xml::events::{BytesStart, Event};
 use super::array::{Kind, Number};
 use super::cells::{Grid, NO_CELL, POLYGON};
 use crate::mesh::error::{ReadError, ReadProblem};
-use crate::mesh::gmsh::Vectors;
 use crate::mesh::text::{Source, lossy, whole};
+use crate::mesh::vectors::Vectors;
 
 /// How the numbers of an array are written.
 #[derive(Debug, Clone, Copy)]
