@@ -1,5 +1,7 @@
 //! The reflecting faces of a mesh, turned toward the sun and grouped into facets.
 
+use std::collections::HashSet;
+
 use super::error::{MeshError, quoted};
 use super::shape::{Lie, lie};
 use super::{ElementStatus, Face, Fault, Mesh, find};
@@ -141,7 +143,8 @@ impl Mirror {
         self.displacement_m.as_deref()
     }
 
-    /// Elements of the chosen part that have a fault of their own, or whose face has: without a face here.
+    /// Elements of the chosen part without a face here: they have a fault of their own, their face has, or
+    /// it is that of an element before (as under a skin of shells).
     #[must_use]
     pub const fn unusable(&self) -> &Fault {
         &self.unusable
@@ -213,6 +216,18 @@ impl Mesh {
         if sunny {
             candidates = outer::sunny_sides(self, candidates, options);
         }
+        // A skin of shells on the face of a solid is one mirror, not two.
+        let mut seen = HashSet::with_capacity(candidates.len());
+        candidates.retain(|candidate| {
+            let mut key = candidate.corners;
+            key[usize::from(candidate.count)..].fill(u32::MAX);
+            key.sort_unstable();
+            let first = seen.insert(key);
+            if !first {
+                unusable.add(self.elements[candidate.face.element as usize].id);
+            }
+            first
+        });
         let what = match pick {
             Pick::All => "the mesh".to_owned(),
             Pick::ElementSet(name) => format!("element set {}", quoted(name)),

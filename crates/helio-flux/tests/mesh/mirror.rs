@@ -224,3 +224,17 @@ fn faulty_elements_have_no_face_and_are_named() {
         (2, &[2, 3][..])
     );
 }
+
+/// A membrane on the front of a glass shares its nodes: the face counts once.
+#[test]
+fn a_skin_of_shells_is_no_second_mirror() {
+    let model = "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,0,0,.1\n6,1,0,.1\n7,1,1,.1\n8,0,1,.1\n\
+        *ELEMENT,TYPE=C3D8,ELSET=GLASS\n1,1,2,3,4,5,6,7,8\n*ELEMENT,TYPE=M3D4,ELSET=GLASS\n2,8,7,6,5\n";
+    let mesh = mesh(model);
+    for pick in [Pick::All, Pick::ElementSet("GLASS")] {
+        let mirror = mesh.mirror(&pick, &toward([0.0, 0.0, 1.0])).unwrap();
+        assert_eq!(mirror.faces().len(), 1);
+        assert_eq!(mirror.unusable().first(), [2]);
+        assert_eq!(normals(&mirror), [[0.0, 0.0, 1.0]]);
+    }
+}
