@@ -42,6 +42,8 @@ fn files() -> Vec<(&'static str, Vec<u8>)> {
     files
 }
 
+/// `data/found`: of the smallest set of files that reach all that fuzzing reached, twelve of each format,
+/// from small to large.
 #[test]
 fn what_fuzzing_found() {
     let mut replayed = 0;
@@ -53,7 +55,7 @@ fn what_fuzzing_found() {
         whole_way::read(format, &fs::read(&path).unwrap());
         replayed += 1;
     }
-    assert!(replayed > 0, "{replayed}");
+    assert!(replayed > 50, "{replayed}");
 }
 
 /// Bytes changed, put in, taken out and cut off, by a generator with a fixed seed.
