@@ -34,7 +34,7 @@ python_lint() {
         cp "$wanted" "$venv/made-from.txt"
     fi
     local files
-    mapfile -t files < <(find benches crates tests -name '*.py' -not -path '*/.*/*' | sort)
+    mapfile -t files < <(find benches crates examples tests -name '*.py' -not -path '*/.*/*' | sort)
     "$venv/bin/ruff" check --quiet --config tests/ruff.toml --cache-dir "$out/ruff" "${files[@]}" &&
         "$venv/bin/mypy" --config-file tests/mypy.ini --cache-dir "$out/mypy" "${files[@]}"
 }

@@ -3,7 +3,9 @@
 use std::io;
 
 use helio_flux::mesh::frd::Step;
-use helio_flux::mesh::{ElementStatus, Mesh, ReadOptions, ReadProblem, Shape, csv, frd, inp};
+use helio_flux::mesh::{
+    ElementStatus, Mesh, MirrorOptions, Pick, ReadOptions, ReadProblem, Shape, csv, frd, inp,
+};
 
 const DEFAULT: fn() -> ReadOptions = ReadOptions::default;
 
@@ -45,6 +47,31 @@ fn an_input_file_with_sets_and_foreign_elements() {
     let names: Vec<_> = mesh.node_sets().collect();
     assert_eq!(names, ["All", "both", "Left", "odd"]);
     assert_eq!(mesh.surfaces().collect::<Vec<_>>(), ["Front"]);
+}
+
+/// As Abaqus/CAE writes it: a part, an instance where it was drawn, sets and surfaces of the assembly, and
+/// a reference point with the number of a node of the part.
+#[test]
+fn an_assembly_of_one_part() {
+    let model = "*Heading\n*Part, name=Plate\n*Node\n1,0.,0.,0.\n2,1.,0.,0.\n3,1.,1.,0.\n4,0.,1.,0.\n\
+        *Element, type=S4R\n1, 1, 2, 3, 4\n*Elset, elset=Glass\n1,\n*End Part\n\
+        *Assembly, name=Assembly\n*Instance, name=Plate-1, part=Plate\n*End Instance\n\
+        *Node\n1, 0.5, 0.5, 10.\n*Element, type=SPRINGA\n1, 1, 2\n*Nset, nset=Pilot\n1,\n\
+        *Nset, nset=Edge, instance=Plate-1\n1, 2\n*Nset, nset=Same, instance=Plate-1\nEdge\n\
+        *Elset, elset=_Front_SPOS, internal, instance=Plate-1\n1,\n\
+        *Surface, type=ELEMENT, name=Front\n_Front_SPOS, SPOS\n\
+        *Surface, type=ELEMENT, name=Other\nPlate-1.Glass, SPOS\nPlate-1.1, SPOS\n*End Assembly\n";
+    let mesh = inp::mesh("cae.inp", model.as_bytes(), &DEFAULT()).unwrap();
+    assert_eq!(mesh.position_m()[0], [0.0; 3]);
+    assert_eq!((mesh.node_ids().len(), mesh.len()), (4, 1));
+    assert_eq!(mesh.node_set("edge").unwrap(), [1, 2]);
+    assert_eq!(mesh.node_set("same").unwrap(), [1, 2]);
+    assert!(mesh.node_set("pilot").unwrap().is_empty());
+    let toward = MirrorOptions::toward([0.0, 0.0, 1.0]).unwrap();
+    for name in ["Front", "Other"] {
+        let mirror = mesh.mirror(&Pick::Surface(name), &toward).unwrap();
+        assert_eq!(mirror.faces().len(), 1, "{name}");
+    }
 }
 
 /// Every type of element on one line of nodes far enough apart, with and without its mid-side nodes.

@@ -62,6 +62,7 @@ pub fn mesh_with(
         builder: Builder::default(),
         block: Block::Other,
         parts: 0,
+        in_assembly: false,
         bytes: 0,
         includes: 0,
         open,
@@ -105,6 +106,8 @@ struct Reader<'o> {
     builder: Builder,
     block: Block,
     parts: usize,
+    /// In an `*ASSEMBLY`, outside its `*INSTANCE`: numbers there are those of other nodes and elements.
+    in_assembly: bool,
     bytes: u64,
     includes: u64,
     open: &'o mut dyn FnMut(&str) -> io::Result<Vec<u8>>,
@@ -155,7 +158,10 @@ impl Reader<'_> {
             let advice = advice.to_owned();
             Err(source.error(line, ReadProblem::Unsupported { what, advice }))
         };
+        // Reference points and springs of an assembly count from 1 like the part's own nodes.
+        let foreign = self.in_assembly && keyword.get("INSTANCE").is_none();
         self.block = match keyword.name.as_str() {
+            "NODE" | "ELEMENT" if foreign => Block::Other,
             "NODE" => {
                 let system = keyword.get("SYSTEM").unwrap_or("R");
                 if !system.eq_ignore_ascii_case("R") {
@@ -181,7 +187,11 @@ impl Reader<'_> {
                 let name = needed(&source, line, &keyword, "NSET", "the name of the set")?;
                 let place = self.builder.node_sets.place(name);
                 let generate = keyword.get("GENERATE").is_some();
-                Block::NodeSet { place, generate }
+                if foreign {
+                    Block::Other
+                } else {
+                    Block::NodeSet { place, generate }
+                }
             }
             "ELSET" => {
                 let name = needed(&source, line, &keyword, "ELSET", "the name of the set")?;
@@ -219,7 +229,14 @@ impl Reader<'_> {
                 }
                 Block::Other
             }
-            "INSTANCE" => Block::Instance,
+            "ASSEMBLY" | "ENDINSTANCE" | "ENDASSEMBLY" => {
+                self.in_assembly = keyword.name != "ENDASSEMBLY";
+                Block::Other
+            }
+            "INSTANCE" => {
+                self.in_assembly = false;
+                Block::Instance
+            }
             "NGEN" | "NFILL" | "NCOPY" | "NMAP" | "ELGEN" | "ELCOPY" | "SYSTEM" => {
                 let advice = "write every node and element in the global frame";
                 return unsupported(format!("*{}", keyword.name), advice);
@@ -393,19 +410,29 @@ impl Reader<'_> {
                 }
             },
         };
-        let member = match whole(who) {
-            Some(id) => Member::Id(id),
-            None => {
-                let name = lossy(who);
-                let Some(set) = self.builder.element_sets.find(&name) else {
-                    let wanted = "an element number or a set defined above";
-                    return Err(source.wrong(line, "member of a surface", wanted, &name));
-                };
-                Member::Set(set)
-            }
+        let Some(member) = member(who, &self.builder.element_sets) else {
+            let wanted = "an element number or a set defined above";
+            return Err(source.wrong(line, "member of a surface", wanted, &lossy(who)));
         };
         self.builder.surface_member(place, member, face);
         Ok(())
+    }
+}
+
+/// A number, or the name of a set; both also behind the name of an instance and a dot.
+fn member(cell: &[u8], sets: &RawSets) -> Option<Member> {
+    if let Some(id) = whole(cell) {
+        return Some(Member::Id(id));
+    }
+    let name = lossy(cell);
+    let name = name.trim_matches('"');
+    if let Some(set) = sets.find(name) {
+        return Some(Member::Set(set));
+    }
+    let (_, local) = name.rsplit_once('.')?;
+    match whole(local.as_bytes()) {
+        Some(id) => Some(Member::Id(id)),
+        None => sets.find(local).map(Member::Set),
     }
 }
 
@@ -436,10 +463,7 @@ fn members(
         return sets.push(source, place, Member::Range(from, to, step));
     }
     for cell in cells(text).filter(|cell| !cell.is_empty()) {
-        let member = match whole(cell) {
-            Some(id) => Some(Member::Id(id)),
-            None => sets.find(lossy(cell).trim_matches('"')).map(Member::Set),
-        };
+        let member = member(cell, sets);
         let Some(member) = member else {
             let wanted = "a number or a set defined above";
             return Err(source.wrong(line, "member of a set", wanted, &lossy(cell)));
