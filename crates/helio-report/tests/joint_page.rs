@@ -46,6 +46,7 @@ fn heliostat(id: &str, records: usize, bold: f64, seed: u64) -> HeliostatLine {
                 zero_sigma_mrad: [0.3, 0.5],
                 outlier,
                 jumped,
+                in_doubt: jumped[0] && i + 6 >= records,
             }
         })
         .collect();
