@@ -10,6 +10,7 @@
 //! that do not meet, has no reason for that. The last two, `A e^2` and `B e^4` with real A and B that depend on the shape, tell
 //! two of like strength, of which the first two vanish.
 
+use super::cells::COARSE;
 use super::centre::{Centre, CentreScratch, Part};
 use super::light::Light;
 
@@ -195,6 +196,20 @@ impl CentreScratch {
         Some(white)
     }
 
+    /// The foot is cut off where smoothed light ends: along rounder lines than those of a long beam, which leaves less of
+    /// it along than across. How much rounder: the square of a coarse cell's side, over which light is smoothed, times the
+    /// inverse of the variance across less that of the variance along.
+    fn rounding(&self, white: &White) -> f64 {
+        let beside = |pair: &&[Part]| pair[0].row == pair[1].row;
+        let side_squared = self.parts.windows(2).find(beside).map_or(0.0, |pair| {
+            let cells = (pair[1].column - pair[0].column) / COARSE as f64;
+            let [x, y] = [0, 1].map(|k| (pair[1].place_m[k] - pair[0].place_m[k]) / cells);
+            x * x + y * y
+        });
+        let [along, across] = white.deviations_m.map(|deviation| deviation * deviation);
+        side_squared * (1.0 / across - 1.0 / along)
+    }
+
     fn shape(&self, centre: &Centre, light: &Light, peak: f64) -> Option<(White, Shape)> {
         let white = self.whitened(centre)?;
         let (mut weight, mut fourth, mut flat) = (0.0, 0.0, 0.0);
@@ -267,7 +282,9 @@ impl CentreScratch {
             Shape::Uneven(OF_UNEVEN * (size * size + third * third).sqrt())
         } else {
             let turned = last.value.against(second.value, 2);
-            let long = second.value.size() > (SURE_OF_LIKE * second.sigma).max(STRETCHED)
+            let rounder = ROUNDER * self.rounding(&white);
+            let more = Complex(second.value.0 + rounder, second.value.1).size();
+            let long = more > (SURE_OF_LIKE * second.sigma).max(STRETCHED + PERHAPS * rounder)
                 && turned.0 < SURE * last.sigma
                 && last.is_along(turned, SURE);
             let stepped = last.is_sure(SQUARE) && fourth < SHARP && flat < STEPPED;
@@ -343,11 +360,17 @@ impl CentreScratch {
 /// A harmonic is not nought if it is so many times its standard deviation: of 180 single simulated ellipses none is. For the
 /// third, that of a long beam's foot is cut off less long than the beam, a little more.
 const SURE: f64 = 6.0;
-const SURE_OF_LIKE: f64 = 7.0;
-/// And so large, where there is hardly any noise: single round, long and flat beams have up to 0.034, 0.12 and 0.05.
+const SURE_OF_LIKE: f64 = 6.0;
+/// And so large, where there is hardly any noise: single round, long and flat beams have up to 0.034, 0.12 and 0.02 (the last
+/// beyond what the rounding of the foot takes).
 const LOPSIDED: f64 = 0.03;
 const UNEVEN: f64 = 0.12;
-const STRETCHED: f64 = 0.05;
+const STRETCHED: f64 = 0.03;
+/// What the [rounding](CentreScratch::rounding) of the foot takes from the third: 0.35 to 0.47 of it in single ellipses of 0.3 m to
+/// 0.6 m and axes of 2:1 and 3:1 in pictures of 384 to 2,688 columns, 0.26 to 0.33 in one of 0.2 m; and what part of that is
+/// not sure.
+const ROUNDER: f64 = 0.37;
+const PERHAPS: f64 = 0.1;
 /// From this size of the first on its direction is known well: of real and faceted beams hardly any is below.
 const SLIGHT: f64 = 0.1;
 /// Across a shadow's edge standard deviations are so many times as large.
