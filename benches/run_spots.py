@@ -68,9 +68,11 @@ def disagreements(best: dict[Key, dict[str, Any]]) -> list[str]:
     found = []
     for (peer, frame, decode), line in best.items():
         ours = best["helio_rs", frame, decode]
-        # Windows at row or column 0 of the printed range are outside OpenCV's: its greatest sum may be less.
+        # Windows at row or column 0 of the printed range are outside OpenCV's: its greatest sum may be less. Sums in single
+        # precision stand on a grid of 2^-23 of their size, so that the greatest may be another's, rounded up.
         same = all(line[name] == ours[name] for name in SAME)
-        if not same or line["window_sum"] > ours["window_sum"]:
+        rounding = ours["window_sum"] * 2.0**-23 if peer == "opencv_box32" else 0.0
+        if not same or line["window_sum"] > ours["window_sum"] + rounding:
             found.append(f"{peer}, {frame}: {line}, helio-rs: {ours}")
     return found
 

@@ -4,6 +4,8 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
+use sha2::Digest;
+
 use crate::IoError;
 
 /// SHA-256 (FIPS 180-4) of what it is given piece by piece.
@@ -14,128 +16,20 @@ use crate::IoError;
 /// hash.update(b"abc");
 /// assert!(hash.finish().starts_with("ba7816bf8f01cfea"));
 /// ```
-#[derive(Debug, Clone)]
-pub struct Sha256 {
-    state: [u32; 8],
-    block: [u8; 64],
-    /// Bytes taken so far.
-    length: u64,
-}
-
-impl Default for Sha256 {
-    fn default() -> Self {
-        Self {
-            state: fractions(8, f64::sqrt),
-            block: [0; 64],
-            length: 0,
-        }
-    }
-}
-
-/// The first 32 bits of the fractional parts of roots of the first primes.
-///
-/// A double holds the whole part and twenty bits more than these; the tests compare known digests.
-fn fractions<const N: usize>(count: usize, root: fn(f64) -> f64) -> [u32; N] {
-    let mut primes = (2_u32..).filter(|n| (2..*n).take_while(|d| d * d <= *n).all(|d| n % d != 0));
-    let mut values = [0; N];
-    for value in values.iter_mut().take(count) {
-        let prime = f64::from(primes.next().unwrap_or(2));
-        *value = (root(prime).fract() * 4_294_967_296.0) as u32;
-    }
-    values
-}
-
-fn round_constants() -> &'static [u32; 64] {
-    static CONSTANTS: std::sync::LazyLock<[u32; 64]> =
-        std::sync::LazyLock::new(|| fractions(64, f64::cbrt));
-    &CONSTANTS
-}
+#[derive(Debug, Clone, Default)]
+pub struct Sha256(sha2::Sha256);
 
 impl Sha256 {
     /// Takes more bytes.
-    pub fn update(&mut self, mut bytes: &[u8]) {
-        let constants = round_constants();
-        while !bytes.is_empty() {
-            // Whole blocks need no copy.
-            if self.length.is_multiple_of(64)
-                && let Some((block, rest)) = bytes.split_first_chunk()
-            {
-                self.compress(block, constants);
-                self.length += 64;
-                bytes = rest;
-                continue;
-            }
-            let filled = (self.length % 64) as usize;
-            let take = bytes.len().min(64 - filled);
-            self.block[filled..filled + take].copy_from_slice(&bytes[..take]);
-            self.length += take as u64;
-            bytes = &bytes[take..];
-            if filled + take == 64 {
-                let block = self.block;
-                self.compress(&block, constants);
-            }
-        }
+    pub fn update(&mut self, bytes: &[u8]) {
+        self.0.update(bytes);
     }
 
     /// The digest in 64 hexadecimal digits.
     #[must_use]
-    pub fn finish(mut self) -> String {
-        let bits = self.length * 8;
-        let padding = 1 + (119 - self.length % 64) % 64;
-        let mut tail = vec![0_u8; padding as usize];
-        tail[0] = 0x80;
-        tail.extend_from_slice(&bits.to_be_bytes());
-        self.update(&tail);
-        self.state
-            .iter()
-            .map(|word| format!("{word:08x}"))
-            .collect()
-    }
-
-    fn compress(&mut self, block: &[u8; 64], constants: &[u32; 64]) {
-        // The last sixteen words of the schedule; the oldest makes room for the newest.
-        let mut w = [0_u32; 16];
-        for (word, bytes) in w.iter_mut().zip(block.chunks_exact(4)) {
-            *word = u32::from_be_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
-        }
-        let mut turned = self.state;
-        for (round, constants) in constants.chunks_exact(16).enumerate() {
-            for t in 0..16 {
-                if round > 0 {
-                    let (a, b) = (w[(t + 1) % 16], w[(t + 14) % 16]);
-                    let s0 = a.rotate_right(7) ^ a.rotate_right(18) ^ (a >> 3);
-                    let s1 = b.rotate_right(17) ^ b.rotate_right(19) ^ (b >> 10);
-                    w[t] = w[t]
-                        .wrapping_add(s0)
-                        .wrapping_add(w[(t + 9) % 16])
-                        .wrapping_add(s1);
-                }
-                let [a, b, c, d, e, f, g, h] = turned;
-                let s1 = e.rotate_right(6) ^ e.rotate_right(11) ^ e.rotate_right(25);
-                let choice = (e & f) ^ (!e & g);
-                let first = h
-                    .wrapping_add(s1)
-                    .wrapping_add(choice)
-                    .wrapping_add(constants[t])
-                    .wrapping_add(w[t]);
-                let s0 = a.rotate_right(2) ^ a.rotate_right(13) ^ a.rotate_right(22);
-                let majority = (a & b) ^ (a & c) ^ (b & c);
-                let second = s0.wrapping_add(majority);
-                turned = [
-                    first.wrapping_add(second),
-                    a,
-                    b,
-                    c,
-                    d.wrapping_add(first),
-                    e,
-                    f,
-                    g,
-                ];
-            }
-        }
-        for (state, value) in self.state.iter_mut().zip(turned) {
-            *state = state.wrapping_add(value);
-        }
+    pub fn finish(self) -> String {
+        let digest = self.0.finalize();
+        digest.iter().map(|byte| format!("{byte:02x}")).collect()
     }
 }
 
@@ -194,14 +88,5 @@ mod tests {
                 assert_eq!(of(text, piece), digest);
             }
         }
-    }
-
-    #[test]
-    fn roots_of_primes_are_the_printed_constants() {
-        let k = round_constants();
-        assert_eq!(
-            (k[0], k[31], k[63]),
-            (0x428a_2f98, 0x1429_2967, 0xc671_78f2)
-        );
     }
 }

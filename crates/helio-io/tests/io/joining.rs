@@ -78,6 +78,29 @@ fn names_that_may_mean_two_frames_are_refused() {
 
 const TIMED: &str = "time,axis1_deg,axis2_deg";
 
+/// Tables that were put together may hold a frame twice: the same row again is the same frame, by name and by time.
+#[test]
+fn a_row_of_the_spots_again_is_one_frame() {
+    let log = "A1,white,2026-06-21T06:00:00Z,170.5,40.25";
+    let row = "day/1.png,2026-06-21T06:00:00Z,0.3,0.5,0.02,ok\n";
+    let other = "day/2.png,2026-06-21T06:01:00Z,0.4,0.5,0.02,ok\n";
+    let spots = format!("{row}{other}{row}");
+    let found = joined(TIMED, &format!("{log}\n"), &spots).unwrap();
+    assert_eq!(frames_of(&found), [3.0]);
+    let named = format!("{TIMED},file");
+    let found = joined(&named, &format!("{log},1.png\n"), &spots).unwrap();
+    assert_eq!(frames_of(&found), [3.0]);
+    // and of another place another one
+    let moved = row.replace("0.3,", "0.31,");
+    joined(TIMED, &format!("{log}\n"), &(row.to_owned() + &moved)).unwrap_err();
+    joined(
+        &named,
+        &format!("{log},1.png\n"),
+        &(row.to_owned() + &moved),
+    )
+    .unwrap_err();
+}
+
 /// By time, two frames of which either may be meant are refused, and the nearer of two is taken.
 #[test]
 fn a_time_with_two_frames_is_refused() {

@@ -6,6 +6,7 @@ use std::path::Path;
 use helio_calib::joint::{DAY_NS, FieldState, JumpSeen, Known, StepKind};
 use helio_calib::{Campaign, Observation, Parameter};
 use helio_io::{KeptMount, Observations, StateFile, format_time, read_state, write_state};
+use rayon::prelude::*;
 
 use super::known::Seen;
 use super::outputs::Found;
@@ -60,7 +61,7 @@ impl Run<'_> {
 
         let fresh = self.fresh(path, &state, &rows, &mut file.targets, &observations)?;
         let before: Result<HashMap<usize, Before>, Failure> = fresh
-            .iter()
+            .par_iter()
             .map(|one| {
                 let followed = &state.heliostats()[one.place];
                 let known = state.known(one.place, followed.last_day.unwrap_or_default())?;
@@ -124,7 +125,6 @@ impl Run<'_> {
                     alarm: Some([step.alarm, step.unbelieved]),
                 });
             }
-            let last = state.known(one.place, after.last_day.unwrap_or_default())?;
             let certain = after
                 .jumps
                 .iter()
@@ -135,7 +135,13 @@ impl Run<'_> {
                 .map(|&(k, axis)| (after.undecided[k], axis, false));
             // those of earlier runs that are still in doubt were said then
             let doubted = doubted.filter(|(day, ..)| of_run(*day).is_some());
-            for (day, axis, certain) in certain.map(|j| (j.day, j.axis, true)).chain(doubted) {
+            let certain = certain.map(|j| (j.day, j.axis, true));
+            let found: Vec<(f64, usize, bool)> = certain.chain(doubted).collect();
+            if found.is_empty() {
+                continue;
+            }
+            let last = state.known(one.place, after.last_day.unwrap_or_default())?;
+            for (day, axis, certain) in found {
                 jumps.push(JumpFound {
                     index: one.index,
                     unix_ns: of_run(day).or(Some(to_milliseconds(day))),
