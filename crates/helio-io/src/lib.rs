@@ -64,7 +64,9 @@ pub use pictures::{write_frame, write_rgb};
 pub use schema::{schema, target_schema};
 pub use small::{Angles, AnglesSun, PresentAngles, Suns, load_angles, load_present, load_suns};
 pub use spots::{SpotRow, SpotTable, load_spots, write_spots};
-pub use state::{KeptDrive, KeptMount, STATE_FORMAT, StateFile, read_state, write_state};
+pub use state::{
+    KeptDrive, KeptMount, STATE_FORMAT, StateFile, read_state, state_bytes, write_state,
+};
 pub use table::PARQUET_THREAD;
 pub use target::{CameraTarget, load_target, target_toml};
 pub use times::{TimeRange, format_time, parse_step, parse_time};

@@ -611,14 +611,22 @@ fn batch(state: &StateFile) -> Result<RecordBatch, arrow::error::ArrowError> {
 /// [`IoError`] if it cannot be written, or its mounts are not as many as its heliostats; what stood in its place
 /// then stays.
 pub fn write_state(path: &Path, state: &StateFile) -> Result<u64, IoError> {
+    let bytes = state_bytes(path, state)?;
+    write_file(path, &bytes)?;
+    Ok(bytes.len() as u64)
+}
+
+/// What [`write_state`] writes to `path`, for those who write it later.
+///
+/// # Errors
+/// [`IoError`] if its mounts are not as many as its heliostats.
+pub fn state_bytes(path: &Path, state: &StateFile) -> Result<Vec<u8>, IoError> {
     let (heliostats, mounts) = (state.parts.heliostats.len(), state.mounts.len());
     if heliostats != mounts {
         let message = format!("state: expected {heliostats} mounts, one a heliostat, got {mounts}");
         return Err(conflict(path, None, message));
     }
-    let bytes = bytes_of(state).map_err(|error| not_parquet(path, &error.to_string()))?;
-    write_file(path, &bytes)?;
-    Ok(bytes.len() as u64)
+    bytes_of(state).map_err(|error| not_parquet(path, &error.to_string()))
 }
 
 fn bytes_of(state: &StateFile) -> Result<Vec<u8>, ParquetError> {

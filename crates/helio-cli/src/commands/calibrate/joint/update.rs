@@ -5,7 +5,9 @@ use std::path::Path;
 
 use helio_calib::joint::{DAY_NS, FieldState, JumpSeen, Known, StepKind};
 use helio_calib::{Campaign, Observation, Parameter};
-use helio_io::{KeptMount, Observations, StateFile, format_time, read_state, write_state};
+use helio_io::{
+    KeptMount, Observations, StateFile, format_time, read_state, state_bytes, write_file,
+};
 use rayon::prelude::*;
 
 use super::known::Seen;
@@ -154,6 +156,13 @@ impl Run<'_> {
                 });
             }
         }
+        let file = StateFile {
+            parts,
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            targets: file.targets,
+            site_longitude_rad: file.site_longitude_rad,
+            mounts: file.mounts,
+        };
         let found = Found {
             state: &state,
             rows: &rows,
@@ -167,22 +176,20 @@ impl Run<'_> {
             provenance: &provenance,
             converged: true,
         };
-        let written = self.write(asked, &found)?;
+        let place = self.args.joint.state.as_deref().unwrap_or(path);
+        let (written, bytes) =
+            rayon::join(|| self.write(asked, &found), || state_bytes(place, &file));
+        let written = written?;
         // The state goes last: where anything failed, the same records can be given again.
-        let file = StateFile {
-            parts,
-            version: env!("CARGO_PKG_VERSION").to_owned(),
-            targets: file.targets,
-            site_longitude_rad: file.site_longitude_rad,
-            mounts: file.mounts,
-        };
-        let state_bytes = write_state(self.args.joint.state.as_deref().unwrap_or(path), &file)?;
+        let bytes = bytes?;
+        write_file(place, &bytes)?;
+        let written_bytes = bytes.len() as u64;
         self.say_judged(&observations, &judged, &jumps);
         self.say_alarms(&state, &observations, &judged);
         printer.say(format_args!(
             "state of {}: {}",
             Counted(rows.len(), "heliostat"),
-            Bytes(state_bytes)
+            Bytes(written_bytes)
         ));
         let times = seen.iter().filter_map(|one| one.times);
         let from_ns = times.map(|(first, _)| first).min().unwrap_or(i64::MAX);
