@@ -9,7 +9,7 @@ pub use mesh::MeshReceiver;
 pub use plane::Plane;
 
 use crate::error::FluxError;
-use crate::vector::{norm, unit};
+use crate::vector::{norm, sub, unit};
 
 /// Most bins of a grid: its whole numbers are counted in singles, which are exact up to 2²⁴.
 const MAX_BINS: usize = 1 << 23;
@@ -104,6 +104,64 @@ impl Receiver {
             Self::Plane(plane) => plane.normal(),
             Self::Frustum(frustum) => frustum.normal((bin % frustum.columns()) as f64 + 0.5),
             Self::Mesh(mesh) => mesh.normal(bin),
+        }
+    }
+
+    /// Where the middle of a bin is on the receiver laid flat \[m\]: `u` to the right and `v` down, as a camera facing
+    /// it sees them. On a plane both count from its centre; on a cylinder or cone `u` is the arc from where the first
+    /// column begins, at the bin's own height, and `v` runs along the side from its middle. `None` for a mesh.
+    ///
+    /// ```
+    /// use helio_flux::{Plane, Receiver};
+    /// let plane = Plane::new([5.0, 0.0, 9.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [2.0, 1.0], [1, 4])?;
+    /// assert_eq!(Receiver::Plane(plane).bin_uv_m(3), Some([0.75, 0.0]));
+    /// # Ok::<(), helio_flux::FluxError>(())
+    /// ```
+    ///
+    /// # Panics
+    /// If there is no such bin.
+    #[must_use]
+    pub fn bin_uv_m(&self, bin: usize) -> Option<[f64; 2]> {
+        assert!(bin < self.bins(), "no bin {bin}");
+        let part = |k: usize, count: usize| (k as f64 + 0.5) / count as f64;
+        let across = part(bin % self.columns(), self.columns());
+        let down = part(bin / self.columns(), self.rows());
+        match self {
+            Self::Plane(plane) => {
+                let [width_m, height_m] = plane.size_m();
+                Some([(across - 0.5) * width_m, (down - 0.5) * height_m])
+            }
+            Self::Frustum(round) => {
+                let side = sub(
+                    round.point_m(0.0, 0.0),
+                    round.point_m(round.rows() as f64, 0.0),
+                );
+                let slant_m = norm(side);
+                // around at the bin's height: its area over its height, times the columns
+                let around_m = round.bin_area_m2(bin / round.columns())
+                    * (round.rows() * round.columns()) as f64
+                    / slant_m;
+                Some([across * around_m, (down - 0.5) * slant_m])
+            }
+            Self::Mesh(_) => None,
+        }
+    }
+
+    /// The corners of a bin \[m\], counterclockwise as seen from the lit side: three of a mesh's triangle, else four. On
+    /// a cylinder or cone they lie on it, so that the flat piece between them is a chord's.
+    ///
+    /// # Panics
+    /// If there is no such bin.
+    #[must_use]
+    pub fn bin_corners_m(&self, bin: usize) -> Vec<[f64; 3]> {
+        assert!(bin < self.bins(), "no bin {bin}");
+        let (row, column) = ((bin / self.columns()) as f64, (bin % self.columns()) as f64);
+        let corners = [(1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0)];
+        let corners = corners.map(|(down, right)| (row + down, column + right));
+        match self {
+            Self::Plane(plane) => corners.map(|(r, c)| plane.point_m(r, c)).to_vec(),
+            Self::Frustum(round) => corners.map(|(r, c)| round.point_m(r, c)).to_vec(),
+            Self::Mesh(mesh) => mesh.corners_m(bin).unwrap_or_default().to_vec(),
         }
     }
 
