@@ -10,6 +10,7 @@ use serde_json::{Map, Value, json};
 
 use super::super::track::latitude_rad;
 use super::outputs::Outputs;
+use super::plots::{self, Plot};
 use super::summary;
 use crate::Outcome;
 use crate::args::FluxArgs;
@@ -52,12 +53,31 @@ pub(super) fn run(
     let map = super::light(&scene, &mirrors.elements, toward, threads, printer)?;
     summary::say_account(map.account(), printer);
     summary::say_peak(&scene.receiver, &map, scene.sun.dni_w_m2, printer);
+    let drawn = plots::draw(args, || {
+        let name = path.display();
+        let mut facts = vec![(
+            "field".to_owned(),
+            format!("{name}: {}: {tally}", Counted(field.len(), "heliostat")),
+        )];
+        facts.extend(plots::facts(&scene, block.describe(0)));
+        Ok(Plot {
+            title: format!("Flux of {name}"),
+            facts,
+            account: Some(map.account()),
+            figures: vec![plots::of_receiver(&scene, &map, &block.describe(0))?],
+            notes: vec!["Heliostats that cannot track neither shade nor block others.".to_owned()],
+            ..Plot::default()
+        })
+    })?;
     outputs.map(
         &scene.receiver,
         &map,
         ["east_m", "north_m", "up_m"],
         printer,
     )?;
+    if let Some(drawn) = drawn {
+        drawn.write()?;
+    }
     let found = json!({
         "field": path.display().to_string(),
         "time": block.unix_ns.first().map(|time| format_time(*time)),

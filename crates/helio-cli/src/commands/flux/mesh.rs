@@ -9,9 +9,11 @@ use helio_flux::deform::{
 use helio_flux::mesh::{Fault, Faults, Mesh, Mirror, MirrorOptions};
 use helio_flux::{Element, FluxMap};
 use helio_io::{FluxScene, MatchedNodes, MeshFiles, MirrorPart, SceneOf, displace_mesh, load_mesh};
+use helio_report::flux::{Table, slope_figure};
 use serde_json::{Map, Value, json};
 
 use super::outputs::{self, Outputs};
+use super::plots::{self, Plot};
 use super::summary;
 use crate::Outcome;
 use crate::args::{DeformWord, FluxArgs, word};
@@ -48,9 +50,13 @@ pub(super) fn run(
     summary::say_peak(&scene.receiver, &map, dni_w_m2, printer);
     let left_out = shapes.left_out();
     let found = found(model, &scene, &read, &shapes, &map, &inputs)?;
+    let drawn = plots::draw(args, || plot(model, &scene, &read, &shapes, &map))?;
     outputs.map(&scene.receiver, &map, ["x_m", "y_m", "z_m"], printer)?;
     if let (Some(path), Some(traced)) = (&args.slopes, &shapes.traced_slopes()) {
         outputs::slopes(path, &shapes.traced().deformed, traced, &read.mirror)?;
+    }
+    if let Some(drawn) = drawn {
+        drawn.write()?;
     }
     outputs.summary(&found, printer)?;
     Ok(if left_out > 0 {
@@ -529,4 +535,116 @@ fn found(
         "files": super::hashes(inputs)?,
         "version": env!("CARGO_PKG_VERSION"),
     }))
+}
+
+fn plot<'a>(
+    model: &Path,
+    scene: &FluxScene,
+    read: &Read,
+    shapes: &Shapes,
+    map: &'a FluxMap,
+) -> Result<Plot<'a>, Failure> {
+    let name = model.display();
+    let by = match (read.loaded, shapes.method) {
+        (false, _) | (true, DeformWord::Unloaded) => "without load".to_owned(),
+        (true, DeformWord::Elements) => "by planar element substitution".to_owned(),
+        (true, DeformWord::Pose) => "by mirror pose reconstruction".to_owned(),
+        (true, DeformWord::Rigid) => "by a rigid motion of each facet".to_owned(),
+    };
+    let [x, y, z] = sun(scene);
+    let mut facts = vec![(
+        "mirror".to_owned(),
+        format!(
+            "{} of {name}: {} in {}, {by}",
+            part_words(&read.part),
+            Counted(read.mirror.faces().len(), "face"),
+            Counted(read.mirror.facets() as usize, "facet")
+        ),
+    )];
+    facts.extend(plots::facts(scene, format!("toward [{x}, {y}, {z}]")));
+    let mut plot = Plot {
+        title: format!("Flux of {name}, {by}"),
+        facts,
+        account: Some(map.account()),
+        figures: vec![plots::of_receiver(scene, map, &format!("Flux, {by}"))?],
+        notes: notes(read, shapes),
+        ..Plot::default()
+    };
+    if let Some(slopes) = shapes.traced_slopes() {
+        let title = format!("Slope errors {}", shapes.traced().by());
+        let figure = slope_figure(&shapes.traced().deformed, slopes, sun(scene), &title)?;
+        let caption = "Slope errors of the mirror in total and by axis, and how far its faces moved, seen along the sun.";
+        plot.figures.push((figure, caption.to_owned()));
+        plot.tables.push(shapes.table());
+    }
+    Ok(plot)
+}
+
+fn notes(read: &Read, shapes: &Shapes) -> Vec<String> {
+    let mut notes: Vec<String> = read
+        .mesh
+        .faults()
+        .to_string()
+        .lines()
+        .map(str::to_owned)
+        .collect();
+    let left_out = shapes.left_out();
+    if left_out > 0 {
+        notes.push(format!(
+            "{} left out of the flux.",
+            Counted(left_out, "face")
+        ));
+    }
+    if !read.matched.without.is_empty() {
+        let count = Counted(read.matched.without.len(), "node");
+        notes.push(format!("{count} without a displacement."));
+    }
+    notes
+}
+
+impl Shape {
+    fn by(&self) -> &'static str {
+        match self.name {
+            "pose" => "by mirror pose reconstruction",
+            "rigid" => "by a rigid motion of each facet",
+            _ => "by planar element substitution",
+        }
+    }
+}
+
+impl Shapes {
+    fn table(&self) -> Table {
+        let mrad = |value_rad: f64| format!("{:.3}", 1e3 * value_rad);
+        let extreme =
+            |e: Option<helio_flux::deform::Extreme>| e.map_or(String::new(), |e| mrad(e.value));
+        let rows = self.all.iter().map(|shape| {
+            let slopes = &shape.slopes;
+            let apart = self.apart(shape).filter(|_| !shape.poses.is_empty());
+            vec![
+                shape.by().to_owned(),
+                mrad(slopes.rms_rad()),
+                extreme(slopes.max()),
+                extreme(slopes.max_first()),
+                extreme(slopes.max_second()),
+                apart.map_or(String::new(), |(rad, _)| mrad(rad)),
+                worst(&shape.poses)
+                    .map_or(String::new(), |pose| format!("{:.1}", 1e6 * pose.rms_m)),
+            ]
+        });
+        Table {
+            title: "Slope errors by method".to_owned(),
+            head: [
+                "method",
+                "rms by area (mrad)",
+                "largest (mrad)",
+                "along the axis (mrad)",
+                "across it (mrad)",
+                "largest difference of normals (mrad)",
+                "farthest from rigid (µm rms)",
+            ]
+            .map(str::to_owned)
+            .to_vec(),
+            rows: rows.collect(),
+        }
+    }
 }

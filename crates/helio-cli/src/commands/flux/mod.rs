@@ -4,6 +4,7 @@ mod camera;
 mod field;
 mod mesh;
 mod outputs;
+mod plots;
 mod summary;
 
 use std::path::PathBuf;

@@ -27,7 +27,7 @@ pub(super) struct Outputs<'a> {
     format: MapFormat,
 }
 
-fn suffix_is(path: &Path, wanted: &[&str]) -> bool {
+pub(super) fn suffix_is(path: &Path, wanted: &[&str]) -> bool {
     let suffix = path.extension().map(|suffix| suffix.to_ascii_lowercase());
     suffix.is_some_and(|suffix| wanted.iter().any(|wanted| suffix == *wanted))
 }
