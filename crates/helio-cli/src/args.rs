@@ -33,7 +33,7 @@ pub(crate) const NO_SHADING: &str = "Shading and blocking are not computed.";
                   Data goes to standard output or --out, talk to standard error.\n\
                   Exit status: 0 good, 1 some rows have a status other than ok or \
                   sun_below_horizon, 2 refused.\n\
-                  Shading and blocking are not computed."
+                  Shading and blocking are computed by flux alone."
 )]
 pub(crate) struct Args {
     #[command(subcommand)]

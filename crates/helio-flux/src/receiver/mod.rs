@@ -109,7 +109,7 @@ impl Receiver {
 
     /// Where the middle of a bin is on the receiver laid flat \[m\]: `u` to the right and `v` down, as a camera facing
     /// it sees them. On a plane both count from its centre; on a cylinder or cone `u` is the arc from where the first
-    /// column begins, at the bin's own height, and `v` runs along the side from its middle. `None` for a mesh.
+    /// column begins, at the bin's own height, and `v` runs along the side from its upper edge. `None` for a mesh.
     ///
     /// ```
     /// use helio_flux::{Plane, Receiver};
@@ -141,7 +141,7 @@ impl Receiver {
                 let around_m = round.bin_area_m2(bin / round.columns())
                     * (round.rows() * round.columns()) as f64
                     / slant_m;
-                Some([across * around_m, (down - 0.5) * slant_m])
+                Some([across * around_m, down * slant_m])
             }
             Self::Mesh(_) => None,
         }
