@@ -5,7 +5,7 @@
 
 mod common;
 
-use std::io::Read;
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::Stdio;
 
@@ -568,6 +568,39 @@ fn a_closed_pipe_ends_quietly() {
     let done = child.wait_with_output().unwrap();
     assert_eq!(done.status.code(), Some(0));
     assert_eq!(String::from_utf8(done.stderr).unwrap(), "");
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_trace_leaves_nothing() {
+    let folder = examples();
+    let before = folder.contents().len();
+    let more = ["--out", "map.csv", "--rays", "1000000000000"];
+    let mut child = folder
+        .command(&[STRIPS, &more].concat())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // The last that is said before the rays, of which there are some for half an hour.
+    let mut said = BufReader::new(child.stderr.take().unwrap());
+    let mut line = String::new();
+    while !line.starts_with("by rigid") {
+        line.clear();
+        assert!(said.read_line(&mut line).unwrap() > 0);
+    }
+    std::thread::sleep(std::time::Duration::from_millis(300));
+    let id = child.id().to_string();
+    let kill = std::process::Command::new("kill")
+        .args(["-INT", &id])
+        .status();
+    assert!(kill.unwrap().success());
+    let code = child.wait().unwrap().code();
+    let mut rest = String::new();
+    said.read_to_string(&mut rest).unwrap();
+    assert_eq!(code, Some(130), "{rest}");
+    assert!(rest.contains("interrupted; nothing was written"), "{rest}");
+    assert_eq!(folder.contents().len(), before);
 }
 
 #[test]

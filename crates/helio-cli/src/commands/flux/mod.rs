@@ -5,6 +5,7 @@ mod field;
 mod mesh;
 mod outputs;
 mod plots;
+mod shapes;
 mod summary;
 
 use std::path::PathBuf;
