@@ -91,11 +91,15 @@ pub fn grid_map(map: &GridMap<'_>) -> Result<Figure, FigureError> {
     )?;
     let round = matches!(map.surface, Surface::Round { .. });
     let top = if round { 104.0 } else { 88.0 };
+    let top = top + if map.text.subtitle.is_empty() { 0.0 } else { 17.0 };
     let view = checked.view(top);
     let mut figure = Figure::new(WIDTH, view.bottom().max(top + 150.0) + 52.0);
     figure.text(LEFT, 26.0, TITLE, map.text.title);
     figure.text(LEFT, 46.0, "", &checked.words());
     figure.text(LEFT, 63.0, SOFT, &checked.more_words(&view, &lines));
+    if !map.text.subtitle.is_empty() {
+        figure.text(LEFT, 80.0, SOFT, map.text.subtitle);
+    }
 
     let scale = ColourScale {
         least: 0.0,
@@ -240,25 +244,22 @@ impl<'a> Checked<'a> {
                 format!("{}°, {y}\u{202f}m down", figures(360.0 * turn))
             }
         };
-        let mut words = format!(
+        format!(
             "power {}, mean {}, peak {} at {place}",
             units::with(self.power_w, units::power(self.power_w)),
             units::with(mean, self.unit),
             units::with(self.peak.0, self.unit)
-        );
-        if let Some(dni) = self.map.text.dni_w_m2 {
-            let (peak, mean) = (figures(self.peak.0 / dni), figures(mean / dni));
-            words.push_str(&format!(
-                "; concentration {peak} at the peak, {mean} in the mean"
-            ));
-        }
-        words
+        )
     }
 
     fn more_words(&self, view: &View, lines: &Contours) -> String {
         let mut words = Vec::new();
-        if !self.map.text.subtitle.is_empty() {
-            words.push(self.map.text.subtitle.to_owned());
+        if let Some(dni) = self.map.text.dni_w_m2 {
+            let mean = self.power_w / self.area_m2;
+            let (peak, mean) = (figures(self.peak.0 / dni), figures(mean / dni));
+            words.push(format!(
+                "concentration {peak} at the peak, {mean} in the mean"
+            ));
         }
         words.push(format!("{} × {} bins", self.map.rows, self.map.columns));
         if lines.smoothed_bins > 0.0 {

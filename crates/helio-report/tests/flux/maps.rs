@@ -79,7 +79,7 @@ fn contours_and_their_numbers_are_where_the_formula_has_them() {
     let (side, middle, radius) = (200, [0.55, 0.45], 0.12);
     let values = spot(side, middle, radius, 8.4);
     let drawing = read(&grid_map(&plane(&values, side, [2.0, 2.0])).unwrap());
-    let (_, [left, top, right, bottom]) = drawing.image.expect("many bins are a picture");
+    let &(_, [left, top, right, bottom]) = drawing.image.as_ref().expect("many bins are a picture");
     let side_px = right - left;
     assert!((side_px - (bottom - top)).abs() < 0.2);
     let at = |part: [f64; 2]| (left + side_px * part[0], top + side_px * part[1]);
@@ -127,7 +127,7 @@ fn a_map_of_a_million_bins_is_one_picture() {
         figure.to_svg().len()
     );
     let drawing = read(&figure);
-    let (picture, _) = drawing.image.unwrap();
+    let (picture, _) = drawing.image.as_ref().unwrap();
     assert_eq!((picture.width(), picture.height()), (1000, 1000));
     assert_eq!(picture.get_pixel(250, 700).0, [253, 231, 37]);
     assert_eq!(picture.get_pixel(950, 50).0, [68, 1, 84]);
