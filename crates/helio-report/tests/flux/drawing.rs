@@ -65,7 +65,7 @@ pub fn read(figure: &Figure) -> Drawing {
                     };
                     let right = from + width;
                     assert!(
-                        from > -1.0 && right < out.size.0 + 40.0,
+                        from > -15.0 && right < out.size.0 + 40.0,
                         "{text}: {from} to {right}"
                     );
                     assert!(y > 8.0 && y < out.size.1, "{text}: {y}");
