@@ -63,13 +63,15 @@ impl Axis {
                 .filter(|&v| inside(v))
                 .collect()
         };
-        let factors: &[i32] = match high - low {
-            d if d < 1.2 => &[1, 2, 3, 5],
-            d if d < 2.5 => &[1, 2, 5],
-            _ => &[1],
-        };
-        let all = times(factors);
-        let every = all.len().div_ceil(most.max(2));
+        // as many round numbers as have room, at least the powers
+        let sets: [&[i32]; 3] = [&[1, 2, 3, 5], &[1, 2, 5], &[1]];
+        let mut all = times(sets[0]);
+        for set in &sets[1..] {
+            if all.len() > most {
+                all = times(set);
+            }
+        }
+        let every = all.len().div_ceil(most.max(2)).max(1);
         let words = |v: f64| (v, log_label(v, low, high));
         let marks = all.into_iter().step_by(every).map(words).collect();
         let fine = if high - low < 6.0 {

@@ -132,6 +132,16 @@ fn a_map_of_a_million_bins_is_one_picture() {
     assert_eq!(picture.get_pixel(250, 700).0, [253, 231, 37]);
     assert_eq!(picture.get_pixel(950, 50).0, [68, 1, 84]);
     assert!(drawing.says("peak 1.2\u{202f}MW/m²"));
+    // noise, which does not pack well
+    let noisy: Vec<f64> = (0..side * side)
+        .map(|i| values[i] * (1.0 + 0.3 * ((i * 7919) % 1009) as f64 / 1009.0))
+        .collect();
+    let figure = grid_map(&plane(&noisy, side, [10.0, 10.0])).unwrap();
+    assert!(
+        figure.to_svg().len() < 3_000_000,
+        "{}",
+        figure.to_svg().len()
+    );
     // on a grid too fine to show, means of 2 by 2
     let fine = vec![5.0; 1300 * 4];
     let drawing = read(&grid_map(&plane(&fine, 4, [10.0, 5.0])).unwrap());
