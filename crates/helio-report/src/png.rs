@@ -39,9 +39,9 @@ impl Figure {
     /// # Ok::<(), helio_report::FigureError>(())
     /// ```
     pub fn to_png(&self, scale: f64) -> Result<Vec<u8>, FigureError> {
-        let sides = [self.width, self.height].map(|side| (side * scale).ceil());
-        let pixels = sides[0] * sides[1];
-        if !(scale > 0.0 && sides.iter().all(|s| *s >= 1.0) && pixels <= MOST) {
+        let sides = [self.width, self.height].map(|side| side * scale);
+        // a comparison with NaN is false
+        if !(sides.iter().all(|s| *s >= 1.0) && sides[0] * sides[1] <= MOST) {
             return Err(FigureError::BadValue {
                 what: "scale",
                 wanted: "above 0, for one pixel to 2e8 of them",
@@ -63,7 +63,7 @@ impl Figure {
             ..Options::default()
         };
         let tree = Tree::from_str(&self.to_svg(), &options).map_err(|e| refused(&e))?;
-        let mut pixmap = Pixmap::new(sides[0] as u32, sides[1] as u32)
+        let mut pixmap = Pixmap::new(sides[0].ceil() as u32, sides[1].ceil() as u32)
             .ok_or_else(|| refused(&"no memory for them"))?;
         let scale = scale as f32;
         resvg::render(

@@ -7,8 +7,8 @@ use crate::ticks::ticks;
 
 /// Sides of the grid that isolines are drawn from: finer ones are averaged.
 const FINEST: usize = 160;
-/// Noise of the bins over the peak up to which a map is taken as it is.
-const CALM: f64 = 0.008;
+/// Noise of the bins over the peak up to which lines are calm.
+const CALM: f64 = 0.015;
 /// Above this much noise, after smoothing, there are few lines.
 const ROUGH: f64 = 0.03;
 
@@ -33,21 +33,22 @@ pub(super) fn contours(
     factor: f64,
 ) -> Result<Contours, FigureError> {
     let mut map = Averaged::of(values, rows, columns);
+    let mut peak = map.peak();
+    let most_passes = map.most_passes(peak);
+    let noise = map.noise(peak);
+    // what is left of noise that differs from bin to bin after so many passes: C(4n, 2n) / 16ⁿ, about 1 / √(2πn)
+    let mut left = 1.0;
     let mut passes = 0;
-    let peak = |map: &Averaged| map.values.iter().copied().fold(0.0, f64::max);
-    let most_passes = map.most_passes(peak(&map));
-    while passes < most_passes && map.noise(peak(&map)) > CALM * peak(&map) {
+    while passes < most_passes && noise * left > CALM * peak {
         map.smooth();
         passes += 1;
+        let n = f64::from(passes);
+        left *= (4.0 * n - 3.0) * (4.0 * n - 1.0) / ((4.0 * n - 2.0) * 4.0 * n);
+        peak = map.peak();
     }
-    let greatest = peak(&map);
-    let most = if map.noise(greatest) > ROUGH * greatest {
-        3
-    } else {
-        8
-    };
-    let mut thresholds = ticks(0.0, greatest * factor, most);
-    thresholds.retain(|&t| t > 0.0 && t < greatest * factor);
+    let most = if noise * left > ROUGH * peak { 3 } else { 8 };
+    let mut thresholds = ticks(0.0, peak * factor, most);
+    thresholds.retain(|&t| t > 0.0 && t < peak * factor);
     let thresholds: Vec<f64> = thresholds.iter().map(|t| t / factor).collect();
     let builder = ContourBuilder::new(map.columns, map.rows, true);
     let found = builder
@@ -95,6 +96,10 @@ impl Averaged {
             block,
             bins: [rows, columns],
         }
+    }
+
+    fn peak(&self) -> f64 {
+        self.values.iter().copied().fold(0.0, f64::max)
     }
 
     /// Standard deviation of the noise of bins that are lit, by the differences that a smooth map does not have

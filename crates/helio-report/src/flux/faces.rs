@@ -32,7 +32,8 @@ pub struct FaceMap<'a> {
 /// Draws the faces in parallel projection, to one scale in metres, nearer ones over farther ones, with a labelled bar
 /// and a mark at the greatest and the least value.
 ///
-/// Up in the picture is z, or y where the eye looks along z. Each axis counts the frame's own metres along it.
+/// Up in the picture is z. Where the eye looks along z it is y, or x runs down where the faces are long along y. Each
+/// axis counts the frame's own metres along it.
 ///
 /// # Errors
 /// [`FigureError`] for no face or one of fewer than three corners, columns of different lengths, a corner that is not
@@ -132,10 +133,15 @@ fn words(map: &FaceMap<'_>) -> String {
     words
 }
 
-/// Faces as the eye has them: right and up \[m\], and toward it.
+/// A unit vector's part along an axis of the frame from which it counts as that axis.
+const OWN: f64 = 1.0 - 1e-9;
+
+/// Faces as the eye has them: across and upward \[m\], and toward it.
 struct Seen {
     faces: Vec<Vec<[f64; 3]>>,
     names: [&'static str; 2],
+    /// Whether an axis is counted to the left, or downward: the frame's own axes keep their sense.
+    backward: [bool; 2],
 }
 
 impl Seen {
@@ -165,54 +171,70 @@ impl Seen {
             });
         }
         let toward = toward.map(|x| x / length(toward));
-        // z is up in the picture, unless the eye looks along it
-        let hint = if toward[2].abs() > 0.99 {
-            [0.0, 1.0, 0.0]
-        } else {
-            [0.0, 0.0, 1.0]
-        };
-        let right = cross(hint, toward);
-        let right = right.map(|x| x / length(right));
-        let up = cross(toward, right);
-        let mut faces = Vec::with_capacity(map.faces_m.len());
         for (row, &face) in map.faces_m.iter().enumerate() {
             if face.len() < 3 {
                 let wanted = "at least three corners";
                 return Err(bad("faces_m", wanted, row, face.len() as f64));
             }
             // squares of extents must stay finite
-            let good = |x: &&f64| !(x.abs() <= 1e12);
-            if let Some(&value) = face.iter().flatten().find(good) {
+            let beyond = |x: &&f64| x.is_nan() || x.abs() > 1e12;
+            if let Some(&value) = face.iter().flatten().find(beyond) {
                 return Err(bad("faces_m", "corners within ±1e12 m", row, value));
             }
-            let place = |c: &[f64; 3]| [dot(*c, right), dot(*c, up), dot(*c, toward)];
-            faces.push(face.iter().map(place).collect());
         }
-        let name = |axis: [f64; 3], other: &'static str| {
-            let along = |k: usize| axis[k] > 1.0 - 1e-9;
-            match (along(0), along(1), along(2)) {
-                (true, _, _) => "x (m)",
-                (_, true, _) => "y (m)",
-                (_, _, true) => "z (m)",
-                _ => other,
-            }
+        // z is up in the picture, unless the eye looks along it
+        if toward[2].abs() <= 0.99 {
+            return Ok(Self::from(map, toward, [0.0, 0.0, 1.0]));
+        }
+        let upright = Self::from(map, toward, [0.0, 1.0, 0.0]);
+        let [width, height] = [0, 1].map(|side| upright.range(side)).map(|r| r.1 - r.0);
+        if height <= 1.3 * width {
+            return Ok(upright);
+        }
+        // what is long along y lies
+        Ok(Self::from(map, toward, [-toward[2], 0.0, 0.0]))
+    }
+
+    /// The faces for an eye in a direction, with `hint` about up.
+    fn from(map: &FaceMap<'_>, toward: [f64; 3], hint: [f64; 3]) -> Self {
+        let right = cross(hint, toward);
+        let length = dot(right, right).sqrt();
+        let right = right.map(|x| x / length);
+        let up = cross(toward, right);
+        let backward = [right, up].map(|axis| axis.iter().any(|&x| x < -OWN));
+        let along = |axis: [f64; 3], backward: bool| {
+            let sign = if backward { -1.0 } else { 1.0 };
+            axis.map(|x| sign * x)
         };
-        let names = [
-            name(right, "right, as seen from there (m)"),
-            name(up, "up, as seen from there (m)"),
-        ];
-        Ok(Self { faces, names })
+        let [across, upward] = [along(right, backward[0]), along(up, backward[1])];
+        let place = |c: &[f64; 3]| [dot(*c, across), dot(*c, upward), dot(*c, toward)];
+        let faces = map.faces_m.iter();
+        let name = |axis: [f64; 3], other: &'static str| {
+            let names = ["x (m)", "y (m)", "z (m)"];
+            let own = (0..3).find(|&k| axis[k] > OWN);
+            own.map_or(other, |k| names[k])
+        };
+        Self {
+            faces: faces.map(|face| face.iter().map(place).collect()).collect(),
+            names: [
+                name(across, "across, as seen from there (m)"),
+                name(upward, "up, as seen from there (m)"),
+            ],
+            backward,
+        }
+    }
+
+    /// Least and greatest along an axis.
+    fn range(&self, side: usize) -> (f64, f64) {
+        let values = || self.faces.iter().flatten().map(|corner| corner[side]);
+        (
+            values().fold(f64::INFINITY, f64::min),
+            values().fold(f64::NEG_INFINITY, f64::max),
+        )
     }
 
     fn view(&self, top: f64) -> View {
-        let range = |side: usize| {
-            let values = || self.faces.iter().flatten().map(move |corner| corner[side]);
-            (
-                values().fold(f64::INFINITY, f64::min),
-                values().fold(f64::NEG_INFINITY, f64::max),
-            )
-        };
-        let (x, y) = (range(0), range(1));
+        let (x, y) = (self.range(0), self.range(1));
         let extent = (x.1 - x.0).max(y.1 - y.0);
         // far from zero a range must still be wider than the doubles there are apart
         let far = x.0.abs().max(y.0.abs()).max(x.1.abs()).max(y.1.abs());
@@ -223,7 +245,13 @@ impl Seen {
         };
         let slim = least / 12.0;
         let (x, y) = (room(x, slim), room(y, slim));
-        View::fit(x, (y.1, y.0), top)
+        let turned =
+            |(from, to): (f64, f64), turn: bool| if turn { (to, from) } else { (from, to) };
+        View::fit(
+            turned(x, self.backward[0]),
+            turned(y, !self.backward[1]),
+            top,
+        )
     }
 
     fn middle(&self, row: usize) -> (f64, f64) {

@@ -7,7 +7,7 @@ use super::labels::{self, Taken};
 use super::raster::{DRAWN, FINEST, Raster};
 use super::scale::ColourScale;
 use super::units::{self, Unit, figures};
-use super::view::{View, mark};
+use super::view::{View, beside, mark};
 use super::{LEFT, SOFT, TITLE, WIDTH, check_length};
 use crate::svg::{Figure, Short};
 use crate::{FigureError, equal, palette};
@@ -91,11 +91,20 @@ pub fn grid_map(map: &GridMap<'_>) -> Result<Figure, FigureError> {
     )?;
     let round = matches!(map.surface, Surface::Round { .. });
     let top = if round { 104.0 } else { 88.0 };
+    let top = top
+        + if map.text.subtitle.is_empty() {
+            0.0
+        } else {
+            17.0
+        };
     let view = checked.view(top);
     let mut figure = Figure::new(WIDTH, view.bottom().max(top + 150.0) + 52.0);
     figure.text(LEFT, 26.0, TITLE, map.text.title);
     figure.text(LEFT, 46.0, "", &checked.words());
     figure.text(LEFT, 63.0, SOFT, &checked.more_words(&view, &lines));
+    if !map.text.subtitle.is_empty() {
+        figure.text(LEFT, 80.0, SOFT, map.text.subtitle);
+    }
 
     let scale = ColourScale {
         least: 0.0,
@@ -108,10 +117,10 @@ pub fn grid_map(map: &GridMap<'_>) -> Result<Figure, FigureError> {
     };
     bins(&mut figure, map, &view, &scale)?;
     let peak = view.pixel(checked.peak_m[0], checked.peak_m[1]);
-    let mut taken = vec![Taken {
-        middle: peak,
-        half: (46.0, 16.0),
-    }];
+    let word = beside(peak, &view).0;
+    let mut taken = [(peak, (10.0, 10.0)), (word, (20.0, 9.0))]
+        .map(|(middle, half)| Taken { middle, half })
+        .to_vec();
     labels::draw(
         &mut figure,
         &lines,
@@ -240,25 +249,22 @@ impl<'a> Checked<'a> {
                 format!("{}°, {y}\u{202f}m down", figures(360.0 * turn))
             }
         };
-        let mut words = format!(
+        format!(
             "power {}, mean {}, peak {} at {place}",
             units::with(self.power_w, units::power(self.power_w)),
             units::with(mean, self.unit),
             units::with(self.peak.0, self.unit)
-        );
-        if let Some(dni) = self.map.text.dni_w_m2 {
-            let (peak, mean) = (figures(self.peak.0 / dni), figures(mean / dni));
-            words.push_str(&format!(
-                "; concentration {peak} at the peak, {mean} in the mean"
-            ));
-        }
-        words
+        )
     }
 
     fn more_words(&self, view: &View, lines: &Contours) -> String {
         let mut words = Vec::new();
-        if !self.map.text.subtitle.is_empty() {
-            words.push(self.map.text.subtitle.to_owned());
+        if let Some(dni) = self.map.text.dni_w_m2 {
+            let mean = self.power_w / self.area_m2;
+            let (peak, mean) = (figures(self.peak.0 / dni), figures(mean / dni));
+            words.push(format!(
+                "concentration {peak} at the peak, {mean} in the mean"
+            ));
         }
         words.push(format!("{} × {} bins", self.map.rows, self.map.columns));
         if lines.smoothed_bins > 0.0 {
@@ -366,6 +372,9 @@ fn bins(
                 view.at(column as f64 / columns as f64, row as f64 / rows as f64)
             };
             let ((x, y), (right, bottom)) = (edge(from, row), edge(to, row + 1));
+            // A little overlap, so that no paper shows between two cells.
+            let over = |last: bool| if last { 0.0 } else { 0.5 };
+            let (right, bottom) = (right + over(to == columns), bottom + over(row + 1 == rows));
             let fill = format!("fill=\"{}\"", palette::hex(run[0]));
             figure.rect(x, y, (right - x, bottom - y), &fill);
             from = to;

@@ -2,9 +2,9 @@
 
 use super::contours::Contours;
 use super::scale::{ColourScale, ink_on};
+use super::units::tick;
 use super::view::{View, halo};
 use crate::svg::{Figure, Short};
-use crate::ticks::label;
 
 /// Length that a line needs for a number, and below which it is left out unless it is its level's longest \[px\].
 const LABELLED: f64 = 70.0;
@@ -54,7 +54,7 @@ pub(super) fn draw(
     }
     // from the highest: its lines are the shortest and have the fewest places
     for (value, ink, lines) in numbers.iter().rev() {
-        let text = label(value * factor, &values);
+        let text = tick(value * factor, &values);
         let half = (4.0 + 3.7 * text.chars().count() as f64, 8.0);
         for (_, line) in lines.iter().filter(|line| line.0 > LABELLED).take(2) {
             if let Some(middle) = place(line, half, view, taken) {

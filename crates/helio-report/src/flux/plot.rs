@@ -1,10 +1,10 @@
 //! Axes and curves of plots, straight or logarithmic.
 
-use super::units::superscript;
+use super::units::{superscript, tick};
 use super::view::turned;
 use super::{LEFT, SOFT};
 use crate::svg::{Figure, Short};
-use crate::ticks::{label, ticks};
+use crate::ticks::ticks;
 
 /// A rectangle on the drawing.
 #[derive(Debug, Clone, Copy)]
@@ -48,11 +48,13 @@ impl Axis {
     fn marks(&self, most: usize) -> (Vec<(f64, String)>, Vec<f64>) {
         if !self.log {
             let at = ticks(self.least, self.greatest, most);
-            return (at.iter().map(|&t| (t, label(t, &at))).collect(), Vec::new());
+            return (at.iter().map(|&t| (t, tick(t, &at))).collect(), Vec::new());
         }
         let (low, high) = (self.least.log10(), self.greatest.log10());
-        let inside =
-            |value: f64| value >= self.least * 0.999_999 && value <= self.greatest * 1.000_001;
+        let inside = |value: f64| {
+            (self.least * 0.999_999..=self.greatest * 1.000_001).contains(&value)
+                && value.is_finite()
+        };
         let powers = (low.floor() as i32)..=(high.ceil() as i32);
         let times = |factors: &[i32]| -> Vec<f64> {
             powers
@@ -61,13 +63,15 @@ impl Axis {
                 .filter(|&v| inside(v))
                 .collect()
         };
-        let factors: &[i32] = match high - low {
-            d if d < 1.2 => &[1, 2, 3, 5],
-            d if d < 2.5 => &[1, 2, 5],
-            _ => &[1],
-        };
-        let all = times(factors);
-        let every = all.len().div_ceil(most.max(2));
+        // as many round numbers as have room, at least the powers
+        let sets: [&[i32]; 3] = [&[1, 2, 3, 5], &[1, 2, 5], &[1]];
+        let mut all = times(sets[0]);
+        for set in &sets[1..] {
+            if all.len() > most {
+                all = times(set);
+            }
+        }
+        let every = all.len().div_ceil(most.max(2)).max(1);
         let words = |v: f64| (v, log_label(v, low, high));
         let marks = all.into_iter().step_by(every).map(words).collect();
         let fine = if high - low < 6.0 {

@@ -1,8 +1,9 @@
 //! From values to colours, and the bar that says how.
 
+use super::units::tick;
 use crate::palette;
 use crate::svg::Figure;
-use crate::ticks::{label, ticks};
+use crate::ticks::ticks;
 
 /// How many colours a scale has: finer steps are not told apart, and rasters of few colours are small.
 const COLOURS: f64 = 256.0;
@@ -93,7 +94,7 @@ impl ColourScale {
         for &number in &numbers {
             let y = at(number / factor);
             figure.line((left + BAR, y), (left + BAR + 4.0, y), "#444");
-            figure.text(left + BAR + 8.0, y + 4.0, "", &label(number, &numbers));
+            figure.text(left + BAR + 8.0, y + 4.0, "", &tick(number, &numbers));
         }
     }
 }

@@ -1,5 +1,7 @@
 //! Numbers with units that people read.
 
+use crate::ticks::label;
+
 /// A unit and what a number in SI is multiplied with to be in it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Unit {
@@ -48,11 +50,24 @@ pub(super) fn figures(value: f64) -> String {
     } else {
         let text = format!("{value:.3e}");
         match text.split_once('e') {
-            Some((digits, power)) => format!("{digits}\u{202f}×\u{202f}10{}", superscript(power)),
+            Some((digits, power)) => {
+                let digits = digits.trim_end_matches('0').trim_end_matches('.');
+                format!("{digits}\u{202f}×\u{202f}10{}", superscript(power))
+            }
             None => text,
         }
     };
     text.replace('-', "\u{2212}")
+}
+
+/// A tick's number: as its axis needs, or as a power of ten where that would be many zeros.
+pub(super) fn tick(value: f64, ticks: &[f64]) -> String {
+    let greatest = ticks.iter().fold(0.0_f64, |most, t| most.max(t.abs()));
+    if (1e-4..1e7).contains(&greatest) || greatest == 0.0 {
+        label(value, ticks)
+    } else {
+        figures(value)
+    }
 }
 
 /// A whole number as raised digits.
@@ -81,8 +96,8 @@ mod tests {
             (0.012345, "0.01235"),
             (-7.5, "\u{2212}7.5"),
             (999_999.0, "999999"),
-            (1.5e-7, "1.500\u{202f}×\u{202f}10⁻⁷"),
-            (3.0e12, "3.000\u{202f}×\u{202f}10¹²"),
+            (1.5e-7, "1.5\u{202f}×\u{202f}10⁻⁷"),
+            (3.0e12, "3\u{202f}×\u{202f}10¹²"),
         ] {
             assert_eq!(figures(value), text);
         }

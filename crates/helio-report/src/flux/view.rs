@@ -1,8 +1,9 @@
 //! Where a map in metres stands on the drawing.
 
+use super::units::tick;
 use super::{LEFT, SOFT};
 use crate::svg::{Figure, Short};
-use crate::ticks::{at_steps, label, ticks};
+use crate::ticks::{at_steps, ticks};
 
 /// Largest width and height of a map \[px\].
 const LARGEST: (f64, f64) = (620.0, 560.0);
@@ -77,7 +78,7 @@ impl View {
                 x,
                 bottom + 17.0,
                 "text-anchor=\"middle\"",
-                &label(mark, &marks),
+                &tick(mark, &marks),
             );
         }
         let marks = at_steps(
@@ -92,7 +93,7 @@ impl View {
                 LEFT - 8.0,
                 y + 4.0,
                 "text-anchor=\"end\"",
-                &label(mark, &marks),
+                &tick(mark, &marks),
             );
         }
         figure.rect(LEFT, self.top, self.size, "fill=\"none\" stroke=\"#888\"");
@@ -140,19 +141,26 @@ pub(super) fn mark(figure: &mut Figure, (x, y): (f64, f64), word: &str, inside: 
             "<path d=\"M{px} {py}m-7 0h5m4 0h5m-7 -7v5m0 4v5\" stroke=\"{colour}\" stroke-width=\"{width}\" fill=\"none\"/>"
         ));
     }
-    // toward the middle, so that it stays on the map
-    let left = x > LEFT + 0.75 * inside.size.0;
-    let (dx, anchor) = if left {
-        (-10.0, "end")
-    } else {
-        (10.0, "start")
-    };
-    let dy = if y < inside.top + 16.0 { 16.0 } else { -6.0 };
+    let ((x, y), anchor) = beside((x, y), inside);
+    // the middle of the word is known, its ends are not
+    let end = if anchor == "end" { 19.0 } else { -19.0 };
     let more = format!(
         "text-anchor=\"{anchor}\" font-weight=\"600\" {}",
         halo("#000", "#fff")
     );
-    figure.text(x + dx, y + dy, &more, word);
+    figure.text(x + end, y + 4.0, &more, word);
+}
+
+/// Where the word of a mark has its middle, and which way it is anchored: toward the middle of the map, so that it stays
+/// there.
+pub(super) fn beside((x, y): (f64, f64), inside: &View) -> ((f64, f64), &'static str) {
+    let left = x > LEFT + 0.75 * inside.size.0;
+    let dy = if y < inside.top + 20.0 { 12.0 } else { -10.0 };
+    if left {
+        ((x - 29.0, y + dy), "end")
+    } else {
+        ((x + 29.0, y + dy), "start")
+    }
 }
 
 /// Attributes of text that is read on any ground.

@@ -103,7 +103,7 @@ fn many_faces_are_one_picture() {
     let figure = face_map(&map(&faces_m, &values)).unwrap();
     assert!(figure.to_svg().len() < 400_000, "{}", figure.to_svg().len());
     let drawing = read(&figure);
-    let (picture, _) = drawing.image.unwrap();
+    let (picture, _) = drawing.image.as_ref().unwrap();
     let at = |x: f64, y: f64| {
         let (w, h) = (f64::from(picture.width()), f64::from(picture.height()));
         picture.get_pixel((x * w) as u32, (y * h) as u32).0
