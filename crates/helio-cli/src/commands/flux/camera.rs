@@ -1,7 +1,7 @@
 //! From a camera's gray values to W/m², by one reading of a gauge.
 
 use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use helio_flux::gauge::{GrayScale, GrayView, LAMBERTIAN, LambertianCheck, Reading, direct_w_m2};
 use helio_io::output::Cells;
@@ -168,12 +168,7 @@ pub(super) fn run(frame: &Path, args: &FluxArgs, printer: &Printer) -> Result<Ou
     Ok(Outcome::Good)
 }
 
-fn lambertian(
-    front: &PathBuf,
-    aside: &PathBuf,
-    dark: f64,
-    printer: &Printer,
-) -> Result<Value, Failure> {
+fn lambertian(front: &Path, aside: &Path, dark: f64, printer: &Printer) -> Result<Value, Failure> {
     let (one, other) = (Picture::read(front)?, Picture::read(aside)?);
     let check = LambertianCheck::of_views(&one.view()?, &other.view()?, PATCHES, dark).map_err(
         |error| {

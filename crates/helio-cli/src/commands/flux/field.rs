@@ -113,7 +113,7 @@ fn up_to_date(loaded: &LoadedField, unix_ns: Option<i64>, sun: EnuUnit) -> Resul
 fn warn_of_missing(field: &Field, mirrors: &FieldMirrors, printer: &Printer) {
     let without = |status: &Status| !matches!(status, Status::Ok | Status::SunBelowHorizon);
     let count = mirrors.status.iter().filter(|s| without(s)).count();
-    if let Some(first) = mirrors.status.iter().position(|s| without(s)) {
+    if let Some(first) = mirrors.status.iter().position(without) {
         printer.warn(format_args!(
             "{} cannot track and are left out, first `{}` ({}); they neither shade nor block",
             Counted(count, "heliostat"),
