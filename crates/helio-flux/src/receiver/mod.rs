@@ -256,3 +256,65 @@ pub(crate) fn check_direction(
     let none = || bad(who, what, "a finite vector with a length", norm(vector));
     unit(vector).ok_or_else(none)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::element::Element;
+    use core::f64::consts::PI;
+
+    fn all() -> [Receiver; 4] {
+        let plane = Plane::new(
+            [1.0, 2.0, 3.0],
+            [0.3, -0.2, -1.0],
+            [1.0, 0.1, 0.0],
+            [2.0, 1.0],
+            [3, 5],
+        );
+        let (up, x) = ([0.0, 0.0, 1.0], [1.0, 0.0, 0.0]);
+        let cylinder = Frustum::cylinder([0.0; 3], up, x, 2.0, 3.0, [3, 60]);
+        let cone = Frustum::cone([0.0; 3], [0.0, 1.0, 0.2], x, [3.0, 1.0], 4.0, [4, 60]);
+        let mesh = MeshReceiver::new(&[[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]]);
+        [
+            Receiver::Plane(plane.unwrap()),
+            Receiver::Frustum(cylinder.unwrap()),
+            Receiver::Frustum(cone.unwrap()),
+            Receiver::Mesh(mesh.unwrap()),
+        ]
+    }
+
+    // The flat piece between the corners has the bin's area and faces where it does, but for the arc over the chord.
+    #[test]
+    fn corners_run_round_the_lit_side() {
+        for receiver in all() {
+            for bin in 0..receiver.bins() {
+                let piece = match receiver.bin_corners_m(bin)[..] {
+                    [a, b, c, d] => Element::quadrilateral([a, b, c, d]),
+                    [a, b, c] => Element::triangle([a, b, c]),
+                    _ => panic!("no corners"),
+                };
+                let piece = piece.unwrap();
+                let area_m2 = receiver.bin_area_m2(bin);
+                assert!((piece.area_m2() / area_m2 - 1.0).abs() < 2e-3, "{bin}");
+                assert!(norm(sub(piece.normal(), receiver.bin_normal(bin))) < 2e-3);
+            }
+        }
+    }
+
+    #[test]
+    fn places_on_a_receiver_laid_flat() {
+        let [plane, cylinder, cone, mesh] = all();
+        // 2 m by 1 m in 5 by 3 bins: the first and the middle one
+        let uv = plane.bin_uv_m(0).unwrap();
+        assert!((uv[0] + 0.8).abs() < 1e-12 && (uv[1] + 1.0 / 3.0).abs() < 1e-12);
+        assert_eq!(plane.bin_uv_m(7), Some([0.0, 0.0]));
+        // an arc of half a bin of 60, and half a metre down
+        let uv = cylinder.bin_uv_m(0).unwrap();
+        assert!((uv[0] - 2.0 * PI / 60.0).abs() < 1e-12 && (uv[1] - 0.5).abs() < 1e-12);
+        // the last row of four is an eighth from the base: radius 2.75, and 7/8 of the side down
+        let uv = cone.bin_uv_m(3 * 60).unwrap();
+        assert!((uv[0] - 2.75 * PI / 60.0).abs() < 1e-12, "{uv:?}");
+        assert!((uv[1] - 0.875 * 20_f64.sqrt()).abs() < 1e-12, "{uv:?}");
+        assert_eq!(mesh.bin_uv_m(0), None);
+    }
+}

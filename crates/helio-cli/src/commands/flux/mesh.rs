@@ -321,13 +321,24 @@ fn plot<'a>(
 }
 
 fn notes(read: &Read, shapes: &Shapes) -> Vec<String> {
-    let mut notes: Vec<String> = read
+    let mut notes = Vec::new();
+    if read.loaded {
+        notes.push(
+            "Of the slope errors by method, elements is planar element substitution, pose mirror pose reconstruction from \
+             three points, rigid the same by least squares. Off elements is the largest angle between normals by that \
+             method and by elements; off rigid, how far the nodes of the worst facet are from where it puts them, root \
+             mean square."
+                .to_owned(),
+        );
+    }
+    let faults: Vec<String> = read
         .mesh
         .faults()
         .to_string()
         .lines()
         .map(str::to_owned)
         .collect();
+    notes.extend(faults);
     let left_out = shapes.left_out();
     if left_out > 0 {
         notes.push(format!(

@@ -292,7 +292,7 @@ impl Shapes {
             let slopes = &shape.slopes;
             let apart = self.apart(shape).filter(|_| !shape.poses.is_empty());
             vec![
-                shape.by().to_owned(),
+                shape.name.to_owned(),
                 mrad(slopes.rms_rad()),
                 extreme(slopes.max()),
                 extreme(slopes.max_first()),
@@ -308,10 +308,10 @@ impl Shapes {
                 "method",
                 "rms by area (mrad)",
                 "largest (mrad)",
-                "along the axis (mrad)",
-                "across it (mrad)",
-                "largest difference of normals (mrad)",
-                "farthest from rigid (µm rms)",
+                "along axis (mrad)",
+                "across (mrad)",
+                "off elements (mrad)",
+                "off rigid (µm)",
             ]
             .map(str::to_owned)
             .to_vec(),
