@@ -8,7 +8,7 @@ use crate::ticks::ticks;
 /// Sides of the grid that isolines are drawn from: finer ones are averaged.
 const FINEST: usize = 160;
 /// Noise of the bins over the peak up to which lines are calm.
-const CALM: f64 = 0.015;
+const CALM: f64 = 0.01;
 /// Above this much noise, after smoothing, there are few lines.
 const ROUGH: f64 = 0.03;
 
@@ -19,10 +19,12 @@ pub(super) struct Isolines {
     pub(super) lines: Vec<Vec<(f64, f64)>>,
 }
 
-/// Isolines of a map, and how many bins the map was smoothed over for them (a standard deviation, 0: none).
+/// Isolines of a map, the rows and columns of bins that were averaged for them, and how many bins the map was smoothed
+/// over (a standard deviation, 0: none).
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Contours {
     pub(super) levels: Vec<Isolines>,
+    pub(super) block: [usize; 2],
     pub(super) smoothed_bins: f64,
 }
 
@@ -70,6 +72,7 @@ pub(super) fn contours(
     let block = map.block[0].max(map.block[1]) as f64;
     Ok(Contours {
         levels,
+        block: map.block,
         smoothed_bins: block * (0.5 * f64::from(passes)).sqrt(),
     })
 }

@@ -267,6 +267,10 @@ impl<'a> Checked<'a> {
             ));
         }
         words.push(format!("{} × {} bins", self.map.rows, self.map.columns));
+        if lines.block != [1, 1] {
+            let [rows, columns] = lines.block;
+            words.push(format!("contours of means of {rows} × {columns} bins"));
+        }
         if lines.smoothed_bins > 0.0 {
             let over = figures((10.0 * lines.smoothed_bins).round() / 10.0);
             words.push(format!("contours smoothed over {over} bins"));

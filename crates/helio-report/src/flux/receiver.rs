@@ -103,7 +103,7 @@ fn mesh_map(receiver: &Receiver, map: &FluxMap, text: &MapText<'_>) -> Result<Fi
     let faces_m: Vec<&[[f64; 3]]> = (0..mesh.triangles())
         .filter_map(|face| mesh.corners_m(face))
         .collect();
-    // Yet another way to weigh: power on each face, along its normal.
+    // The mean normal, weighed by the power on each face.
     let mut toward_viewer = [0.0; 3];
     let (mut power_w, mut area_m2, mut peak) = (0.0, 0.0, 0.0_f64);
     for (face, &irradiance) in map.irradiance_w_m2().iter().enumerate() {

@@ -132,6 +132,7 @@ fn a_map_of_a_million_bins_is_one_picture() {
     assert_eq!(picture.get_pixel(250, 700).0, [253, 231, 37]);
     assert_eq!(picture.get_pixel(950, 50).0, [68, 1, 84]);
     assert!(drawing.says("peak 1.2\u{202f}MW/m²"));
+    assert!(drawing.says("1000 × 1000 bins; contours of means of 7 × 7 bins"));
     // noise, which does not pack well
     let noisy: Vec<f64> = (0..side * side)
         .map(|i| values[i] * (1.0 + 0.3 * ((i * 7919) % 1009) as f64 / 1009.0))
