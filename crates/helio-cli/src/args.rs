@@ -1,6 +1,7 @@
 //! What was typed: degrees, paths, text. Nothing is opened or computed here.
 
 mod accuracy;
+mod flux;
 mod spot;
 
 use std::path::PathBuf;
@@ -14,6 +15,7 @@ use helio_io::output::Format;
 pub(crate) use spot::{MarksWord, MethodWord, Raw, ShapeWord, SimulateImagesArgs, SpotArgs};
 
 pub(crate) use accuracy::{AcceptWord, AccuracyArgs, SimulateCampaignArgs};
+pub(crate) use flux::{DeformWord, FluxArgs, InsteadArgs};
 
 /// Said wherever somebody might expect it.
 pub(crate) const NO_SHADING: &str = "Shading and blocking are not computed.";
@@ -31,7 +33,7 @@ pub(crate) const NO_SHADING: &str = "Shading and blocking are not computed.";
                   Data goes to standard output or --out, talk to standard error.\n\
                   Exit status: 0 good, 1 some rows have a status other than ok or \
                   sun_below_horizon, 2 refused.\n\
-                  Shading and blocking are not computed."
+                  Shading and blocking are computed by flux alone."
 )]
 pub(crate) struct Args {
     #[command(subcommand)]
@@ -80,14 +82,16 @@ pub(crate) enum Verb {
     Calibrate(CalibrateArgs),
     Accuracy(Box<AccuracyArgs>),
     Spot(Box<SpotArgs>),
+    Flux(Box<FluxArgs>),
     /// Make synthetic fields, observations and camera frames
     Simulate {
         #[command(subcommand)]
         what: Simulate,
     },
-    /// Print the JSON Schema of field.toml, or of target.toml
+    /// Print the JSON Schema of field.toml, of target.toml, or of scene.toml
     #[command(after_help = "Example:\n  helio-rs schema > field.schema.json\n  \
-                            helio-rs schema target > target.schema.json")]
+                            helio-rs schema target > target.schema.json\n  \
+                            helio-rs schema scene > scene.schema.json")]
     Schema {
         /// Which file
         #[arg(value_name = "FILE", default_value = "field")]
@@ -117,6 +121,7 @@ impl Verb {
                 what: Simulate::Images(images),
             } => images.quiet,
             Self::Spot(spot) => spot.out.quiet,
+            Self::Flux(flux) => flux.quiet,
             Self::Schema { .. } => false,
         }
     }
@@ -490,6 +495,8 @@ pub(crate) enum SchemaWord {
     Field,
     /// target.toml
     Target,
+    /// scene.toml
+    Scene,
 }
 
 /// Synthetic camera observations of a field: what calibrate reads

@@ -7,6 +7,9 @@ use std::path::PathBuf;
 use helio_calib::CalibrationError;
 use helio_core::error::{FieldError, FrameError, TrackError};
 use helio_core::sun::SunError;
+use helio_flux::FluxError;
+use helio_flux::deform::DeformError;
+use helio_flux::mesh::MeshError;
 use helio_io::IoError;
 use helio_report::FigureError;
 use helio_spot::SpotError;
@@ -30,6 +33,15 @@ pub(crate) enum Failure {
     /// A wrong option of the search for spots, or of a simulated frame.
     #[error(transparent)]
     Spot(#[from] SpotError),
+    /// A scene that cannot be traced.
+    #[error(transparent)]
+    Flux(#[from] FluxError),
+    /// A part that the mesh does not have.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+    /// A mirror whose deformation cannot be told.
+    #[error(transparent)]
+    Deform(#[from] DeformError),
     /// What was asked for cannot be done; the whole sentence.
     #[error("{0}")]
     Refused(String),

@@ -64,6 +64,7 @@ fn run(args: &Args, printer: &Printer) -> Result<Outcome, Failure> {
         Verb::Predict(predict) => commands::predict::run(predict, printer),
         Verb::Calibrate(calibrate) => commands::calibrate::run(calibrate, printer),
         Verb::Spot(spot) => commands::spot::run(spot, printer),
+        Verb::Flux(flux) => commands::flux::run(flux, printer),
         Verb::Accuracy(accuracy) => commands::accuracy::run(accuracy, printer),
         Verb::Simulate { what } => commands::simulate::run(what, printer),
         Verb::Schema { of } => commands::schema::run(*of, printer),

@@ -20,13 +20,16 @@ pub mod trace;
 mod vector;
 
 pub use account::Account;
-pub use convolve::{ConvolveOptions, convolve};
+pub use convolve::{ConvolveOptions, convolve, convolve_watched};
 pub use element::Element;
 pub use error::FluxError;
 pub use folded_plate::FoldedPlate;
 pub use heliostats::{Canting, FieldMirrors, HeliostatMirror, field_mirrors, posed_mirrors};
 pub use map::FluxMap;
 pub use optics::OpticalError;
+pub use parallel::Watch;
 pub use receiver::{Frustum, Hit, MeshReceiver, Plane, Receiver};
 pub use sunshape::SunShape;
-pub use trace::{Origins, RayOptions, RaySet, Rays, Scene, trace_rays, trace_rays_with};
+pub use trace::{
+    Origins, RayOptions, RaySet, Rays, Scene, trace_rays, trace_rays_watched, trace_rays_with,
+};

@@ -1,5 +1,7 @@
 //! The irradiance of a receiver.
 
+use std::io::{self, Write};
+
 use crate::account::Account;
 use crate::receiver::Receiver;
 
@@ -68,4 +70,64 @@ impl FluxMap {
     pub const fn account(&self) -> &Account {
         &self.account
     }
+}
+
+/// Writes a map as a legacy VTK file (text) for ParaView and the like: a polygon for each bin, with `flux_w_m2` and
+/// `bin`.
+///
+/// ```
+/// use helio_flux::{Element, FluxError, OpticalError, Plane, RayOptions, Receiver, Scene, SunShape, trace_rays};
+/// let mirror = [[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.5, 0.5, 0.0], [-0.5, 0.5, 0.0]];
+/// let plane = Plane::new([0.0, 0.0, 10.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [2.0, 2.0], [2, 2])?;
+/// let scene = Scene {
+///     elements: &[Element::quadrilateral(mirror)?],
+///     receiver: &Receiver::Plane(plane),
+///     sun: [0.0, 0.0, 1.0],
+///     dni_w_m2: 1000.0,
+///     sun_shape: &SunShape::pillbox(4.65e-3)?,
+///     optical_error: OpticalError::NONE,
+/// };
+/// let map = trace_rays(&scene, &RayOptions::default())?;
+/// let mut file = Vec::new();
+/// helio_flux::map::write_vtk(&mut file, scene.receiver, &map)?;
+/// assert!(String::from_utf8(file)?.contains("POLYGONS 4 20"));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// What `out` says.
+pub fn write_vtk(out: &mut impl Write, receiver: &Receiver, map: &FluxMap) -> io::Result<()> {
+    let bins = receiver.bins().min(map.irradiance_w_m2.len());
+    let corners: Vec<_> = (0..bins).map(|bin| receiver.bin_corners_m(bin)).collect();
+    let points: usize = corners.iter().map(Vec::len).sum();
+    writeln!(
+        out,
+        "# vtk DataFile Version 3.0\nirradiance of a receiver, metres and W/m2\nASCII\n\
+         DATASET POLYDATA\nPOINTS {points} double"
+    )?;
+    for [x, y, z] in corners.iter().flatten() {
+        writeln!(out, "{x:?} {y:?} {z:?}")?;
+    }
+    writeln!(out, "POLYGONS {bins} {}", points + bins)?;
+    let mut first = 0;
+    for corners in &corners {
+        write!(out, "{}", corners.len())?;
+        for corner in first..first + corners.len() {
+            write!(out, " {corner}")?;
+        }
+        writeln!(out)?;
+        first += corners.len();
+    }
+    writeln!(
+        out,
+        "CELL_DATA {bins}\nSCALARS flux_w_m2 double 1\nLOOKUP_TABLE default"
+    )?;
+    for value in &map.irradiance_w_m2[..bins] {
+        writeln!(out, "{value:?}")?;
+    }
+    writeln!(out, "SCALARS bin long 1\nLOOKUP_TABLE default")?;
+    for bin in 0..bins {
+        writeln!(out, "{bin}")?;
+    }
+    Ok(())
 }

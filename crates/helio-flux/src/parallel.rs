@@ -1,7 +1,38 @@
 //! Work cut into tasks that threads fetch one by one.
 
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+/// Told by threads how much work they have just done and how much there is in all (rays, or bins of the
+/// receiver); false asks them to stop.
+pub type Watch<'a> = &'a (dyn Fn(u64, u64) -> bool + Sync);
+
+/// Whether to go on, as whoever watches wants it.
+pub(crate) struct Going<'a> {
+    watch: Option<Watch<'a>>,
+    all: u64,
+    stopped: AtomicBool,
+}
+
+impl<'a> Going<'a> {
+    pub(crate) fn new(watch: Option<Watch<'a>>, all: u64) -> Self {
+        Self {
+            watch,
+            all,
+            stopped: AtomicBool::new(false),
+        }
+    }
+
+    pub(crate) fn is_on(&self) -> bool {
+        !self.stopped.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn did(&self, work: u64) {
+        if self.watch.is_some_and(|watch| !watch(work, self.all)) {
+            self.stopped.store(true, Ordering::Relaxed);
+        }
+    }
+}
 
 /// Runs `work` on as many threads as are wanted and useful (0: all of the pool's), each with an iterator over
 /// the tasks that it gets, and gives what they answer, in no order.

@@ -30,6 +30,8 @@ pub(crate) enum Kind {
     Time,
     /// East, north, up.
     Enu,
+    /// A point or a direction in the frame of the scene.
+    Vector,
     /// Four points of a picture.
     Corners,
     Texts,
@@ -41,7 +43,7 @@ pub(crate) enum Kind {
     Renames(&'static [&'static Key]),
 }
 
-const fn optional(name: &'static str, kind: Kind, about: &'static str) -> Key {
+pub(crate) const fn optional(name: &'static str, kind: Kind, about: &'static str) -> Key {
     Key {
         name,
         kind,
@@ -50,7 +52,7 @@ const fn optional(name: &'static str, kind: Kind, about: &'static str) -> Key {
     }
 }
 
-const fn required(name: &'static str, kind: Kind, about: &'static str) -> Key {
+pub(crate) const fn required(name: &'static str, kind: Kind, about: &'static str) -> Key {
     Key {
         name,
         kind,
@@ -131,6 +133,7 @@ impl Key {
             Kind::YesNo => "0 or 1".into(),
             Kind::Time => "a time with an offset, such as \"2026-06-21T12:00:00Z\"".into(),
             Kind::Enu => "three numbers [east, north, up]".into(),
+            Kind::Vector => "three numbers [x, y, z]".into(),
             Kind::Corners => {
                 "four corners [x, y]: upper left, upper right, lower right, lower left".into()
             }

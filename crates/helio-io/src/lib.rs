@@ -9,6 +9,7 @@
 //! [`CalibrationSchedule`] where calibrations change with the hour or the date. [`load_suns`],
 //! [`load_present`] and [`load_angles`] read the small tables of the command line;
 //! [`parse_time`] and [`TimeRange`] its times. [`schema`] describes `field.toml` for editors.
+//! [`load_scene`] reads a `scene.toml` for flux, [`load_mesh`] and [`displace_mesh`] what solvers of structures write.
 //! [`load_target`] reads a `target.toml`, [`frame_files`] finds camera frames, [`load_spots`] reads what was seen in them.
 //!
 //! **Writing.** [`output`] writes results; [`AtomicFile`] makes them appear whole or not at all.
@@ -28,9 +29,11 @@ mod joining;
 mod keys;
 mod leftovers;
 mod log;
+mod meshes;
 mod observations;
 pub mod output;
 mod pictures;
+mod scene;
 mod schema;
 mod small;
 mod spots;
@@ -56,12 +59,17 @@ pub use frames::{FrameFiles, frame_files};
 pub use hash::{Sha256, hash_file};
 pub use leftovers::{load_leftovers, write_leftovers};
 pub use log::{ObservationLog, load_observation_log};
+pub use meshes::{LoadedMesh, MatchedNodes, MeshFiles, displace_mesh, load_mesh};
 pub use observations::{
     HeliostatObservations, LeftAside, LeftAsideReason, Observations, load_observations,
     load_observations_with_spots,
 };
 pub use pictures::{write_frame, write_rgb};
-pub use schema::{schema, target_schema};
+pub use scene::{
+    FluxScene, MirrorPart, SceneMethod, SceneMirror, SceneOf, SceneRays, SceneSun, SceneUnit,
+    SunForm, load_scene,
+};
+pub use schema::{scene_schema, schema, target_schema};
 pub use small::{Angles, AnglesSun, PresentAngles, Suns, load_angles, load_present, load_suns};
 pub use spots::{SpotRow, SpotTable, load_spots, write_spots};
 pub use state::{

@@ -1,4 +1,4 @@
-//! JSON Schema of `field.toml` and `target.toml`.
+//! JSON Schema of `field.toml`, `target.toml` and `scene.toml`.
 
 use serde_json::{Map, Value, json};
 
@@ -35,6 +35,22 @@ pub fn target_schema() -> Value {
         keys::TARGET_FILE,
         "target.toml of helio-rs",
         "A target in the pictures of a camera: its size, and where its corners are or what marks them.",
+    )
+}
+
+/// The same of `scene.toml`.
+///
+/// ```
+/// let schema = helio_io::scene_schema();
+/// assert_eq!(schema["properties"]["sun"]["properties"]["dni_w_m2"]["minimum"], 0.0);
+/// ```
+#[must_use]
+pub fn scene_schema() -> Value {
+    of_file(
+        crate::scene::keys::SCENE_FILE,
+        "scene.toml of helio-rs",
+        "What mirrors are lit by and what they light: sun, mirrors' optics, receiver and rays. Metres in the frame of \
+         the structure's model, or east, north, up for a field.",
     )
 }
 
@@ -79,7 +95,7 @@ fn property(key: &Key) -> Value {
         Kind::YesNo => fields(json!({ "enum": [0, 1, false, true] })),
         Kind::OneOf(values) => fields(json!({ "enum": values })),
         Kind::Time => fields(json!({ "type": "string", "format": "date-time" })),
-        Kind::Enu => fields(json!({
+        Kind::Enu | Kind::Vector => fields(json!({
             "type": "array", "items": { "type": "number" }, "minItems": 3, "maxItems": 3
         })),
         Kind::Corners => fields(json!({

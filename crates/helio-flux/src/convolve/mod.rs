@@ -9,7 +9,7 @@ use crate::account::Account;
 use crate::element::Element;
 use crate::error::FluxError;
 use crate::map::FluxMap;
-use crate::parallel::over_tasks;
+use crate::parallel::{Going, Watch, over_tasks};
 use crate::receiver::Receiver;
 use crate::trace::Scene;
 use crate::trace::across;
@@ -72,6 +72,33 @@ const BINS_PER_TASK: usize = 64;
 /// # Errors
 /// [`FluxError::BadValue`] for a sun without direction, an irradiance out of range, or `points` outside 1..=64.
 pub fn convolve(scene: &Scene<'_>, options: &ConvolveOptions) -> Result<FluxMap, FluxError> {
+    run(
+        scene,
+        options,
+        &Going::new(None, scene.receiver.bins() as u64),
+    )
+}
+
+/// Like [`convolve()`], for a long run that somebody watches and may stop: `watch` is told by the threads how many
+/// bins they have just done and how many there are in all. `None` if it asked to stop.
+///
+/// # Errors
+/// As [`convolve()`].
+pub fn convolve_watched(
+    scene: &Scene<'_>,
+    options: &ConvolveOptions,
+    watch: Watch<'_>,
+) -> Result<Option<FluxMap>, FluxError> {
+    let going = Going::new(Some(watch), scene.receiver.bins() as u64);
+    let map = run(scene, options, &going)?;
+    Ok(going.is_on().then_some(map))
+}
+
+fn run(
+    scene: &Scene<'_>,
+    options: &ConvolveOptions,
+    going: &Going<'_>,
+) -> Result<FluxMap, FluxError> {
     let sun = scene.check()?;
     if !(1..=64).contains(&options.points) {
         return Err(FluxError::BadValue {
@@ -131,9 +158,13 @@ pub fn convolve(scene: &Scene<'_>, options: &ConvolveOptions) -> Result<FluxMap,
         let part = |task: usize| {
             let first = task * BINS_PER_TASK;
             let last = bins.min(first + BINS_PER_TASK);
-            (first, (first..last).map(bin_power).collect::<Vec<_>>())
+            let power_w: Vec<f64> = (first..last).map(bin_power).collect();
+            going.did((last - first) as u64);
+            (first, power_w)
         };
-        mine.map(part).collect::<Vec<_>>()
+        mine.take_while(|_| going.is_on())
+            .map(part)
+            .collect::<Vec<_>>()
     });
     for (first, part) in parts.into_iter().flatten() {
         power_w[first..first + part.len()].copy_from_slice(&part);

@@ -9,7 +9,7 @@ pub use mesh::MeshReceiver;
 pub use plane::Plane;
 
 use crate::error::FluxError;
-use crate::vector::{norm, unit};
+use crate::vector::{norm, sub, unit};
 
 /// Most bins of a grid: its whole numbers are counted in singles, which are exact up to 2²⁴.
 const MAX_BINS: usize = 1 << 23;
@@ -107,6 +107,64 @@ impl Receiver {
         }
     }
 
+    /// Where the middle of a bin is on the receiver laid flat \[m\]: `u` to the right and `v` down, as a camera facing
+    /// it sees them. On a plane both count from its centre; on a cylinder or cone `u` is the arc from where the first
+    /// column begins, at the bin's own height, and `v` runs along the side from its upper edge. `None` for a mesh.
+    ///
+    /// ```
+    /// use helio_flux::{Plane, Receiver};
+    /// let plane = Plane::new([5.0, 0.0, 9.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [2.0, 1.0], [1, 4])?;
+    /// assert_eq!(Receiver::Plane(plane).bin_uv_m(3), Some([0.75, 0.0]));
+    /// # Ok::<(), helio_flux::FluxError>(())
+    /// ```
+    ///
+    /// # Panics
+    /// If there is no such bin.
+    #[must_use]
+    pub fn bin_uv_m(&self, bin: usize) -> Option<[f64; 2]> {
+        assert!(bin < self.bins(), "no bin {bin}");
+        let part = |k: usize, count: usize| (k as f64 + 0.5) / count as f64;
+        let across = part(bin % self.columns(), self.columns());
+        let down = part(bin / self.columns(), self.rows());
+        match self {
+            Self::Plane(plane) => {
+                let [width_m, height_m] = plane.size_m();
+                Some([(across - 0.5) * width_m, (down - 0.5) * height_m])
+            }
+            Self::Frustum(round) => {
+                let side = sub(
+                    round.point_m(0.0, 0.0),
+                    round.point_m(round.rows() as f64, 0.0),
+                );
+                let slant_m = norm(side);
+                // around at the bin's height: its area over its height, times the columns
+                let around_m = round.bin_area_m2(bin / round.columns())
+                    * (round.rows() * round.columns()) as f64
+                    / slant_m;
+                Some([across * around_m, down * slant_m])
+            }
+            Self::Mesh(_) => None,
+        }
+    }
+
+    /// The corners of a bin \[m\], counterclockwise as seen from the lit side: three of a mesh's triangle, else four. On
+    /// a cylinder or cone they lie on it, so that the flat piece between them is a chord's.
+    ///
+    /// # Panics
+    /// If there is no such bin.
+    #[must_use]
+    pub fn bin_corners_m(&self, bin: usize) -> Vec<[f64; 3]> {
+        assert!(bin < self.bins(), "no bin {bin}");
+        let (row, column) = ((bin / self.columns()) as f64, (bin % self.columns()) as f64);
+        let corners = [(1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0)];
+        let corners = corners.map(|(down, right)| (row + down, column + right));
+        match self {
+            Self::Plane(plane) => corners.map(|(r, c)| plane.point_m(r, c)).to_vec(),
+            Self::Frustum(round) => corners.map(|(r, c)| round.point_m(r, c)).to_vec(),
+            Self::Mesh(mesh) => mesh.corners_m(bin).unwrap_or_default().to_vec(),
+        }
+    }
+
     /// Area of the lit side \[m²\].
     #[must_use]
     pub fn area_m2(&self) -> f64 {
@@ -197,4 +255,66 @@ pub(crate) fn check_direction(
 ) -> Result<[f64; 3], FluxError> {
     let none = || bad(who, what, "a finite vector with a length", norm(vector));
     unit(vector).ok_or_else(none)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::element::Element;
+    use core::f64::consts::PI;
+
+    fn all() -> [Receiver; 4] {
+        let plane = Plane::new(
+            [1.0, 2.0, 3.0],
+            [0.3, -0.2, -1.0],
+            [1.0, 0.1, 0.0],
+            [2.0, 1.0],
+            [3, 5],
+        );
+        let (up, x) = ([0.0, 0.0, 1.0], [1.0, 0.0, 0.0]);
+        let cylinder = Frustum::cylinder([0.0; 3], up, x, 2.0, 3.0, [3, 60]);
+        let cone = Frustum::cone([0.0; 3], [0.0, 1.0, 0.2], x, [3.0, 1.0], 4.0, [4, 60]);
+        let mesh = MeshReceiver::new(&[[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]]);
+        [
+            Receiver::Plane(plane.unwrap()),
+            Receiver::Frustum(cylinder.unwrap()),
+            Receiver::Frustum(cone.unwrap()),
+            Receiver::Mesh(mesh.unwrap()),
+        ]
+    }
+
+    // The flat piece between the corners has the bin's area and faces where it does, but for the arc over the chord.
+    #[test]
+    fn corners_run_round_the_lit_side() {
+        for receiver in all() {
+            for bin in 0..receiver.bins() {
+                let piece = match receiver.bin_corners_m(bin)[..] {
+                    [a, b, c, d] => Element::quadrilateral([a, b, c, d]),
+                    [a, b, c] => Element::triangle([a, b, c]),
+                    _ => panic!("no corners"),
+                };
+                let piece = piece.unwrap();
+                let area_m2 = receiver.bin_area_m2(bin);
+                assert!((piece.area_m2() / area_m2 - 1.0).abs() < 2e-3, "{bin}");
+                assert!(norm(sub(piece.normal(), receiver.bin_normal(bin))) < 2e-3);
+            }
+        }
+    }
+
+    #[test]
+    fn places_on_a_receiver_laid_flat() {
+        let [plane, cylinder, cone, mesh] = all();
+        // 2 m by 1 m in 5 by 3 bins: the first and the middle one
+        let uv = plane.bin_uv_m(0).unwrap();
+        assert!((uv[0] + 0.8).abs() < 1e-12 && (uv[1] + 1.0 / 3.0).abs() < 1e-12);
+        assert_eq!(plane.bin_uv_m(7), Some([0.0, 0.0]));
+        // an arc of half a bin of 60, and half a metre down
+        let uv = cylinder.bin_uv_m(0).unwrap();
+        assert!((uv[0] - 2.0 * PI / 60.0).abs() < 1e-12 && (uv[1] - 0.5).abs() < 1e-12);
+        // the last row of four is an eighth from the base: radius 2.75, and 7/8 of the side down
+        let uv = cone.bin_uv_m(3 * 60).unwrap();
+        assert!((uv[0] - 2.75 * PI / 60.0).abs() < 1e-12, "{uv:?}");
+        assert!((uv[1] - 0.875 * 20_f64.sqrt()).abs() < 1e-12, "{uv:?}");
+        assert_eq!(mesh.bin_uv_m(0), None);
+    }
 }

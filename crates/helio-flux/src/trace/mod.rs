@@ -22,6 +22,7 @@ use crate::element::Element;
 use crate::error::FluxError;
 use crate::map::FluxMap;
 use crate::optics::OpticalError;
+use crate::parallel::{Going, Watch};
 use crate::receiver::{Receiver, check_direction};
 use crate::sunshape::SunShape;
 use crate::vector::Vector;
@@ -121,7 +122,53 @@ pub fn trace_rays(scene: &Scene<'_>, options: &RayOptions) -> Result<FluxMap, Fl
     let plan = Plan::new(scene, sun, options)?;
     let (shape, error) = (scene.sun_shape, &scene.optical_error);
     let set = RaySet::new(shape, error, options.seed, plan.rays);
-    Ok(run(scene, options, sun, level, &plan, &set))
+    let going = Going::new(None, plan.rays);
+    Ok(run(scene, options, sun, level, &plan, &set, &going))
+}
+
+/// Like [`trace_rays`], for a long run that somebody watches and may stop: `watch` is told by the threads how many
+/// rays they have just traced and how many there are in all. `None` if it asked to stop.
+///
+/// ```
+/// use std::sync::atomic::{AtomicU64, Ordering};
+/// # use helio_flux::{Element, FluxError, Plane, RayOptions, Receiver, Scene, SunShape, OpticalError};
+/// use helio_flux::trace_rays_watched;
+/// # let mirror = [[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.5, 0.5, 0.0], [-0.5, 0.5, 0.0]];
+/// # let elements = [Element::quadrilateral(mirror)?];
+/// # let plane = Plane::new([0.0, 0.0, 10.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [2.0, 2.0], [20, 20])?;
+/// # let scene = Scene {
+/// #     elements: &elements,
+/// #     receiver: &Receiver::Plane(plane),
+/// #     sun: [0.0, 0.0, 1.0],
+/// #     dni_w_m2: 1000.0,
+/// #     sun_shape: &SunShape::pillbox(4.65e-3)?,
+/// #     optical_error: OpticalError::NONE,
+/// # };
+/// let traced = AtomicU64::new(0);
+/// let count = |rays: u64, _all: u64| {
+///     traced.fetch_add(rays, Ordering::Relaxed);
+///     true
+/// };
+/// let map = trace_rays_watched(&scene, &RayOptions::default(), &count)?;
+/// assert_eq!(map.map(|map| map.account().rays), Some(traced.into_inner()));
+/// # Ok::<(), FluxError>(())
+/// ```
+///
+/// # Errors
+/// As [`trace_rays`].
+pub fn trace_rays_watched(
+    scene: &Scene<'_>,
+    options: &RayOptions,
+    watch: Watch<'_>,
+) -> Result<Option<FluxMap>, FluxError> {
+    let sun = scene.check()?;
+    let level = checked_level(options.level)?;
+    let plan = Plan::new(scene, sun, options)?;
+    let (shape, error) = (scene.sun_shape, &scene.optical_error);
+    let set = RaySet::new(shape, error, options.seed, plan.rays);
+    let going = Going::new(Some(watch), plan.rays);
+    let map = run(scene, options, sun, level, &plan, &set, &going);
+    Ok(going.is_on().then_some(map))
 }
 
 /// Like [`trace_rays`], with rays that were made before.
@@ -140,7 +187,8 @@ pub fn trace_rays_with(
         return Err(FluxError::OtherRays);
     }
     let plan = Plan::new(scene, sun, options)?;
-    Ok(run(scene, options, sun, level, &plan, set))
+    let going = Going::new(None, plan.rays);
+    Ok(run(scene, options, sun, level, &plan, set, &going))
 }
 
 fn run(
@@ -150,6 +198,7 @@ fn run(
     level: SimdLevel,
     plan: &Plan,
     set: &RaySet,
+    going: &Going<'_>,
 ) -> FluxMap {
     let obstacles = options
         .occlusion
@@ -167,7 +216,7 @@ fn run(
         candidates: Vec::new(),
     };
     tracer.look_around(options.threads);
-    let tally = tracer.in_parallel(options.threads);
+    let tally = tracer.in_parallel(options.threads, going);
     tally.into_map(scene.receiver, plan)
 }
 

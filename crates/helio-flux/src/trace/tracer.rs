@@ -12,7 +12,7 @@ use super::round::{RoundKernel, onto_round, round};
 use super::tally::{SPILLED, Tally, cell_of};
 use super::verdict::{BLOCKED, FREE, SHADED, Sight, VerdictKernel, verdicts};
 use crate::element::Element;
-use crate::parallel::over_tasks;
+use crate::parallel::{Going, over_tasks};
 use crate::receiver::Receiver;
 use crate::vector::{Vector, add, dot, norm, scale, sub};
 
@@ -89,14 +89,15 @@ impl Tracer<'_> {
         self.candidates = parts.into_iter().flat_map(|part| part.1).collect();
     }
 
-    pub(super) fn in_parallel(&self, threads: usize) -> Tally {
+    pub(super) fn in_parallel(&self, threads: usize, going: &Going<'_>) -> Tally {
         let tasks = self.plan.rays.div_ceil(RAYS_PER_TASK) as usize;
         let tallies = over_tasks(tasks, threads, |mine| {
             let mut tally = Tally::new(self.scene.receiver);
-            for task in mine {
+            for task in mine.take_while(|_| going.is_on()) {
                 let first = task as u64 * RAYS_PER_TASK;
                 let last = self.plan.rays.min(first + RAYS_PER_TASK);
                 self.trace(first, last, &mut tally);
+                going.did(last - first);
             }
             tally
         });

@@ -1,0 +1,354 @@
+//! The mirror of a structure's model, with its load and without.
+
+use std::path::{Path, PathBuf};
+
+use helio_flux::FluxMap;
+use helio_flux::mesh::{Fault, Faults, Mesh, Mirror, MirrorOptions};
+use helio_io::{FluxScene, MatchedNodes, MeshFiles, MirrorPart, SceneOf, displace_mesh, load_mesh};
+use helio_report::flux::slope_figure;
+use serde_json::{Value, json};
+
+use super::outputs::{self, Outputs};
+use super::plots::{self, Plot};
+use super::shapes::Shapes;
+use super::summary;
+use crate::Outcome;
+use crate::args::{DeformWord, FluxArgs, word};
+use crate::failure::Failure;
+use crate::printer::{Counted, Printer};
+
+/// Numbers that a message or a summary lists.
+const NAMED: usize = 8;
+
+pub(super) fn run(
+    model: &Path,
+    args: &FluxArgs,
+    threads: usize,
+    printer: &Printer,
+) -> Result<Outcome, Failure> {
+    let scene = super::scene(args, SceneOf::Mesh, printer)?;
+    let read = Read::of(model, args, &scene, printer)?;
+    let mut inputs = scene.files.clone();
+    inputs.extend(read.files.iter().cloned());
+    let outputs = Outputs::check(args, &inputs)?;
+    if args.slopes.is_some() && !read.loaded {
+        return Err(Failure::refused(
+            "--slopes: the mesh has no displacements; wanted --displacements",
+        ));
+    }
+    let shapes = Shapes::of(&read, args.structure.method, scene.mirror.axis)?;
+    read.say(model, printer);
+    shapes.say(printer);
+    let elements = shapes.elements(scene.mirror.reflectivity)?;
+    let sun = sun(&scene);
+    let map = super::light(&scene, &elements, sun, threads, printer)?;
+    summary::say_account(map.account(), printer);
+    let dni_w_m2 = scene.sun.dni_w_m2;
+    summary::say_peak(&scene.receiver, &map, dni_w_m2, printer);
+    let left_out = shapes.left_out();
+    let found = found(model, &scene, &read, &shapes, &map, &inputs)?;
+    let drawn = plots::draw(args, || plot(model, &scene, &read, &shapes, &map))?;
+    outputs.map(&scene.receiver, &map, ["x_m", "y_m", "z_m"], printer)?;
+    if let (Some(path), Some(traced)) = (&args.slopes, &shapes.traced_slopes()) {
+        outputs::slopes(path, &shapes.traced().deformed, traced, &read.mirror)?;
+    }
+    if let Some(drawn) = drawn {
+        drawn.write()?;
+    }
+    outputs.summary(&found, printer)?;
+    Ok(if left_out > 0 {
+        Outcome::SomeRowsFailed
+    } else {
+        Outcome::Good
+    })
+}
+
+fn sun(scene: &FluxScene) -> [f64; 3] {
+    scene.sun.toward.unwrap_or([0.0, 0.0, 1.0])
+}
+
+/// A model as it was read.
+pub(super) struct Read {
+    mesh: Mesh,
+    pub(super) mirror: Mirror,
+    part: MirrorPart,
+    /// Whether there are displacements.
+    pub(super) loaded: bool,
+    matched: MatchedNodes,
+    files: Vec<PathBuf>,
+}
+
+impl Read {
+    fn of(
+        model: &Path,
+        args: &FluxArgs,
+        scene: &FluxScene,
+        printer: &Printer,
+    ) -> Result<Self, Failure> {
+        let typed = &args.structure;
+        let unit = typed.unit.map_or(scene.mirror.unit, Into::into);
+        let vectors = typed.vectors.as_deref();
+        let loaded = load_mesh(&MeshFiles {
+            mesh: model,
+            elements: typed.elements.as_deref(),
+            metres_per_unit: unit.metres(),
+            vectors,
+        })?;
+        let (mut mesh, mut files) = (loaded.mesh, loaded.files);
+        let mut matched = MatchedNodes::default();
+        if let Some(path) = &typed.displacements {
+            files.push(path.clone());
+            matched = displace_mesh(&mut mesh, path, typed.step, unit.metres(), vectors)?;
+            warn_of_nodes(path, &matched, printer);
+        }
+        let loaded = mesh.displacement_m().is_some();
+        if !loaded {
+            if !matches!(typed.method, DeformWord::Elements | DeformWord::Unloaded) {
+                return Err(Failure::refused(format!(
+                    "--method {} wants displacements, and {} has none: give --displacements",
+                    word(typed.method),
+                    model.display()
+                )));
+            }
+            // Nothing moves: the mirror as it was drawn.
+            mesh.set_displacements_m(vec![[0.0; 3]; mesh.node_ids().len()])?;
+        }
+        for line in mesh.faults().to_string().lines() {
+            printer.warn(format_args!("{}: {line}", model.display()));
+        }
+        let part = match (&typed.surface, &typed.element_set) {
+            (Some(name), _) => MirrorPart::Surface(name.clone()),
+            (None, Some(name)) => MirrorPart::ElementSet(name.clone()),
+            (None, None) => scene.mirror.part.clone(),
+        };
+        let named = |error: &dyn std::fmt::Display| {
+            Failure::refused(format!("{}: {error}", model.display()))
+        };
+        let mut options = MirrorOptions::toward(sun(scene)).map_err(|error| named(&error))?;
+        if let Some(crease_rad) = scene.mirror.crease_rad {
+            options = options
+                .with_crease_rad(crease_rad)
+                .map_err(|error| named(&error))?;
+        }
+        let mirror = mesh
+            .mirror(&part.pick(), &options)
+            .map_err(|error| named(&error))?;
+        for (fault, what) in [
+            (
+                mirror.unusable(),
+                "of the mirror without a face of their own",
+            ),
+            (
+                mirror.rewound(),
+                "wound the other way round than their neighbours, and turned",
+            ),
+        ] {
+            if fault.count() > 0 {
+                let count = Counted(fault.count() as usize, "element");
+                printer.warn(format_args!("{}: {count} {what}: {fault}", model.display()));
+            }
+        }
+        Ok(Self {
+            mesh,
+            mirror,
+            part,
+            loaded,
+            matched,
+            files,
+        })
+    }
+
+    fn say(&self, model: &Path, printer: &Printer) {
+        printer.say(format_args!(
+            "{}: {}, {}; {}: {} in {}",
+            model.display(),
+            Counted(self.mesh.len(), "element"),
+            Counted(self.mesh.node_ids().len(), "node"),
+            part_words(&self.part),
+            Counted(self.mirror.faces().len(), "face"),
+            Counted(self.mirror.facets() as usize, "facet"),
+        ));
+    }
+
+    /// The largest displacement of a node of the mirror \[m\] and the node's number.
+    pub(super) fn farthest(&self) -> Option<(f64, u64)> {
+        let moved = self.mirror.displacement_m().filter(|_| self.loaded)?;
+        let sizes = moved.iter().map(|[x, y, z]| (x * x + y * y + z * z).sqrt());
+        sizes
+            .zip(self.mirror.node_ids())
+            .filter(|(size, _)| size.is_finite())
+            .fold(None, |best: Option<(f64, u64)>, (size, &id)| match best {
+                Some((most, _)) if most >= size => best,
+                _ => Some((size, id)),
+            })
+    }
+
+    fn json(&self, model: &Path) -> Value {
+        let faults = self.mesh.faults();
+        json!({
+            "file": model.display().to_string(),
+            "nodes": self.mesh.node_ids().len(),
+            "elements": self.mesh.len(),
+            "mirror": part_words(&self.part),
+            "faces": self.mirror.faces().len(),
+            "facets": self.mirror.facets(),
+            "faults": faults_json(faults),
+            "elements_of_other_types": faults.skipped,
+            "elements_without_a_face": fault_json(self.mirror.unusable()),
+            "elements_turned": fault_json(self.mirror.rewound()),
+            "nodes_without_displacement": numbers_json(&self.matched.without),
+            "displacements_of_unknown_nodes": numbers_json(&self.matched.unknown),
+        })
+    }
+}
+
+fn warn_of_nodes(path: &Path, matched: &MatchedNodes, printer: &Printer) {
+    let first = |numbers: &[u64]| {
+        let shown: Vec<String> = numbers.iter().take(NAMED).map(u64::to_string).collect();
+        let more = if numbers.len() > NAMED { ", …" } else { "" };
+        format!("{}{more}", shown.join(", "))
+    };
+    if !matched.without.is_empty() {
+        printer.warn(format_args!(
+            "{}: {} of the mesh without a displacement: {}",
+            path.display(),
+            Counted(matched.without.len(), "node"),
+            first(&matched.without)
+        ));
+    }
+    if !matched.unknown.is_empty() {
+        printer.warn(format_args!(
+            "{}: displacements of {} that the mesh does not have: {}",
+            path.display(),
+            Counted(matched.unknown.len(), "node"),
+            first(&matched.unknown)
+        ));
+    }
+}
+
+fn part_words(part: &MirrorPart) -> String {
+    match part {
+        MirrorPart::ElementSet(name) => format!("element set {name}"),
+        MirrorPart::Surface(name) => format!("surface {name}"),
+        MirrorPart::NodeSet(name) => format!("node set {name}"),
+        _ => "all that reflects".to_owned(),
+    }
+}
+
+fn numbers_json(numbers: &[u64]) -> Value {
+    json!({ "count": numbers.len(), "first": numbers[..numbers.len().min(NAMED)] })
+}
+
+fn fault_json(fault: &Fault) -> Value {
+    let mut value = json!({ "count": fault.count(), "first": fault.first() });
+    if !fault.nodes().is_empty() {
+        value["nodes"] = json!(fault.nodes());
+    }
+    value
+}
+
+fn faults_json(faults: &Faults) -> Value {
+    json!({
+        "missing_nodes": fault_json(&faults.missing_nodes),
+        "degenerate": fault_json(&faults.degenerate),
+        "inverted": fault_json(&faults.inverted),
+        "duplicate": fault_json(&faults.duplicate),
+        "no_such_face": fault_json(&faults.no_such_face),
+    })
+}
+
+fn found(
+    model: &Path,
+    scene: &FluxScene,
+    read: &Read,
+    shapes: &Shapes,
+    map: &FluxMap,
+    inputs: &[PathBuf],
+) -> Result<Value, Failure> {
+    Ok(json!({
+        "mesh": read.json(model),
+        "method": if read.loaded { word(shapes.method) } else { word(DeformWord::Unloaded) },
+        "slope_errors": shapes.json(),
+        "scene": super::about_scene(scene, sun(scene)),
+        "power": summary::account(map.account()),
+        "receiver": summary::receiver(&scene.receiver, map, scene.sun.dni_w_m2),
+        "files": super::hashes(inputs)?,
+        "version": env!("CARGO_PKG_VERSION"),
+    }))
+}
+
+fn plot<'a>(
+    model: &Path,
+    scene: &FluxScene,
+    read: &Read,
+    shapes: &Shapes,
+    map: &'a FluxMap,
+) -> Result<Plot<'a>, Failure> {
+    let name = model.display();
+    let by = match (read.loaded, shapes.method) {
+        (false, _) | (true, DeformWord::Unloaded) => "without load".to_owned(),
+        (true, DeformWord::Elements) => "by planar element substitution".to_owned(),
+        (true, DeformWord::Pose) => "by mirror pose reconstruction".to_owned(),
+        (true, DeformWord::Rigid) => "by a rigid motion of each facet".to_owned(),
+    };
+    let [x, y, z] = sun(scene);
+    let mut facts = vec![(
+        "mirror".to_owned(),
+        format!(
+            "{} of {name}: {} in {}, {by}",
+            part_words(&read.part),
+            Counted(read.mirror.faces().len(), "face"),
+            Counted(read.mirror.facets() as usize, "facet")
+        ),
+    )];
+    facts.extend(plots::facts(scene, format!("toward [{x}, {y}, {z}]")));
+    let mut plot = Plot {
+        title: format!("Flux of {name}, {by}"),
+        facts,
+        account: Some(map.account()),
+        figures: vec![plots::of_receiver(scene, map, &format!("Flux, {by}"))?],
+        notes: notes(read, shapes),
+        ..Plot::default()
+    };
+    if let Some(slopes) = shapes.traced_slopes() {
+        let title = format!("Slope errors {}", shapes.traced().by());
+        let figure = slope_figure(&shapes.traced().deformed, slopes, sun(scene), &title)?;
+        let caption = "Slope errors of the mirror in total and by axis, and how far its faces moved, seen along the sun.";
+        plot.figures.push((figure, caption.to_owned()));
+        plot.tables.push(shapes.table());
+    }
+    Ok(plot)
+}
+
+fn notes(read: &Read, shapes: &Shapes) -> Vec<String> {
+    let mut notes = Vec::new();
+    if read.loaded {
+        notes.push(
+            "Of the slope errors by method, elements is planar element substitution, pose mirror pose reconstruction from \
+             three points, rigid the same by least squares. Off elements is the largest angle between normals by that \
+             method and by elements; off rigid, how far the nodes of the worst facet are from where it puts them, root \
+             mean square."
+                .to_owned(),
+        );
+    }
+    let faults: Vec<String> = read
+        .mesh
+        .faults()
+        .to_string()
+        .lines()
+        .map(str::to_owned)
+        .collect();
+    notes.extend(faults);
+    let left_out = shapes.left_out();
+    if left_out > 0 {
+        notes.push(format!(
+            "{} left out of the flux.",
+            Counted(left_out, "face")
+        ));
+    }
+    if !read.matched.without.is_empty() {
+        let count = Counted(read.matched.without.len(), "node");
+        notes.push(format!("{count} without a displacement."));
+    }
+    notes
+}
