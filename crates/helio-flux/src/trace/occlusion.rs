@@ -3,7 +3,7 @@
 use super::verdict::Screen;
 use crate::bvh::{Aabb, Bvh};
 use crate::element::Element;
-use crate::vector::{Vector, cross, dot, norm, scale, sub};
+use crate::vector::{Vector, cross, dot, norm, scale, sub, unit};
 
 /// Up to so many obstacles are tried one after another for sixteen rays at once; beyond, a tree finds them for each
 /// ray. A test in lanes takes about 1 ns a ray, a search of the tree some 100.
@@ -34,8 +34,10 @@ impl Candidates {
     }
 }
 
-/// A bundle of rays from around a point.
-pub(super) struct Bundle {
+/// A bundle of rays from an element.
+#[derive(Clone, Copy)]
+pub(super) struct Bundle<'a> {
+    pub element: &'a Element,
     pub from: Vector,
     pub radius_m: f64,
     /// Unit vector.
@@ -46,7 +48,40 @@ pub(super) struct Bundle {
     pub length_m: f64,
 }
 
-impl Bundle {
+impl Bundle<'_> {
+    /// True if it may meet another element: if no direction across the bundle parts the two outlines.
+    fn may_meet(&self, other: &Element) -> bool {
+        let (mine, theirs) = (self.element.corners_m(), other.corners_m());
+        let normal = self.element.normal();
+        let range = |corners: &[Vector], axis: Vector| {
+            corners
+                .iter()
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), corner| {
+                    let at = dot(sub(*corner, self.from), axis);
+                    (low.min(at), high.max(at))
+                })
+        };
+        // It leaves on the reflecting side, and goes ahead.
+        let ahead = range(theirs, self.toward).1 - range(mine, self.toward).0;
+        if ahead <= 0.0 || range(theirs, normal).1 <= 0.0 {
+            return false;
+        }
+        let widened = self.spread * ahead;
+        for corners in [mine, theirs] {
+            for (k, from) in corners.iter().enumerate() {
+                let edge = sub(corners[(k + 1) % corners.len()], *from);
+                let Some(axis) = unit(cross(self.toward, edge)) else {
+                    continue;
+                };
+                let (a, b) = (range(mine, axis), range(theirs, axis));
+                if a.1 + widened < b.0 || b.1 + widened < a.0 {
+                    return false;
+                }
+            }
+        }
+        true
+    }
+
     /// True if it may touch a sphere.
     fn may_touch(&self, middle: Vector, radius_m: f64) -> bool {
         let apart = sub(middle, self.from);
@@ -79,19 +114,16 @@ impl<'a> Obstacles<'a> {
 
     /// Elements of other mirrors that a bundle may touch; of more than fit the lanes, one more than that, since
     /// the tree is asked then and a list of all of a fine mesh's would fill the memory.
-    pub(super) fn touched(&self, bundle: &Bundle, mirror: u32) -> Vec<u32> {
+    pub(super) fn touched(&self, bundle: &Bundle<'_>, mirror: u32) -> Vec<u32> {
         let mut found = Vec::new();
         let enough = core::cell::Cell::new(false);
         self.tree.visit(
             |bounds| !enough.get() && bundle.may_touch(bounds.middle(), bounds.radius()),
             |k| {
                 let element = &self.elements[k];
-                if element.mirror() != mirror && !enough.get() {
-                    let bounds = Aabb::around(element.corners_m());
-                    if bundle.may_touch(bounds.middle(), bounds.radius()) {
-                        found.push(k as u32);
-                        enough.set(found.len() > MOST_IN_LANES);
-                    }
+                if element.mirror() != mirror && !enough.get() && bundle.may_meet(element) {
+                    found.push(k as u32);
+                    enough.set(found.len() > MOST_IN_LANES);
                 }
             },
         );

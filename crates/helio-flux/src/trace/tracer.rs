@@ -57,6 +57,7 @@ impl Tracer<'_> {
             let radius_m = element.corners_m().iter().map(distance).fold(0.0, f64::max);
             let [sun_reach, slope_reach] = self.set.reach;
             let to_sun = Bundle {
+                element,
                 from,
                 radius_m,
                 toward: self.sun,
