@@ -34,10 +34,45 @@ impl Candidates {
     }
 }
 
-/// A bundle of rays from an element.
+/// Corners of an element moved into its plane, where rays start on it and where it is met: a bent quadrilateral's
+/// own stand out of it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Outline {
+    corners: [Vector; 4],
+    count: usize,
+}
+
+impl Outline {
+    pub(super) fn of(element: &Element) -> Self {
+        let (normal, centroid) = (element.normal(), element.centroid_m());
+        let mut corners = [centroid; 4];
+        for (to, &from) in corners.iter_mut().zip(element.corners_m()) {
+            *to = sub(from, scale(normal, dot(sub(from, centroid), normal)));
+        }
+        let count = element.corners_m().len();
+        Self { corners, count }
+    }
+
+    fn corners(&self) -> &[Vector] {
+        &self.corners[..self.count]
+    }
+
+    /// From where to where it reaches along an axis, from a point.
+    fn range(&self, from: Vector, axis: Vector) -> (f64, f64) {
+        let ends = (f64::INFINITY, f64::NEG_INFINITY);
+        self.corners().iter().fold(ends, |(low, high), corner| {
+            let at = dot(sub(*corner, from), axis);
+            (low.min(at), high.max(at))
+        })
+    }
+}
+
+/// A bundle of rays from an element. Their directions are `toward` plus something square to it, no longer than
+/// `spread`.
 #[derive(Clone, Copy)]
-pub(super) struct Bundle<'a> {
-    pub element: &'a Element,
+pub(super) struct Bundle {
+    pub outline: Outline,
+    pub normal: Vector,
     pub from: Vector,
     pub radius_m: f64,
     /// Unit vector.
@@ -48,38 +83,34 @@ pub(super) struct Bundle<'a> {
     pub length_m: f64,
 }
 
-impl Bundle<'_> {
-    /// True if it may meet another element: if no direction across the bundle parts the two outlines.
+impl Bundle {
+    /// False if no ray of it can meet an element: if some direction parts the two outlines all along the way.
     fn may_meet(&self, other: &Element) -> bool {
-        let (mine, theirs) = (self.element.corners_m(), other.corners_m());
-        let normal = self.element.normal();
-        let range = |corners: &[Vector], axis: Vector| {
-            corners
-                .iter()
-                .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), corner| {
-                    let at = dot(sub(*corner, self.from), axis);
-                    (low.min(at), high.max(at))
-                })
-        };
-        // It leaves on the reflecting side, and goes ahead.
-        let ahead = range(theirs, self.toward).1 - range(mine, self.toward).0;
-        if ahead <= 0.0 || range(theirs, normal).1 <= 0.0 {
+        let theirs = Outline::of(other);
+        let range = |outline: &Outline, axis| outline.range(self.from, axis);
+        let along = range(&theirs, self.toward);
+        // How far its rays have come at most, and so strayed, where they are past the other.
+        let ahead = along.1 - range(&self.outline, self.toward).0;
+        if ahead <= 0.0 || along.0 > self.length_m + self.radius_m {
             return false;
         }
-        let widened = self.spread * ahead;
-        for corners in [mine, theirs] {
-            for (k, from) in corners.iter().enumerate() {
-                let edge = sub(corners[(k + 1) % corners.len()], *from);
-                let Some(axis) = unit(cross(self.toward, edge)) else {
-                    continue;
-                };
-                let (a, b) = (range(mine, axis), range(theirs, axis));
-                if a.1 + widened < b.0 || b.1 + widened < a.0 {
-                    return false;
-                }
-            }
+        // Rays leave the plane that they start in, unless they run almost in it.
+        let rises = dot(self.toward, self.normal) > self.spread;
+        if rises && range(&theirs, self.normal).1 <= 0.0 {
+            return false;
         }
-        true
+        let strayed = self.spread * ahead;
+        [self.outline, theirs].iter().all(|outline| {
+            let corners = outline.corners();
+            (0..corners.len()).all(|k| {
+                let edge = sub(corners[(k + 1) % corners.len()], corners[k]);
+                // An edge along the bundle has no direction across both.
+                unit(cross(self.toward, edge)).is_none_or(|axis| {
+                    let (mine, theirs) = (range(&self.outline, axis), range(&theirs, axis));
+                    mine.1 + strayed >= theirs.0 && theirs.1 + strayed >= mine.0
+                })
+            })
+        })
     }
 
     /// True if it may touch a sphere.
@@ -114,7 +145,7 @@ impl<'a> Obstacles<'a> {
 
     /// Elements of other mirrors that a bundle may touch; of more than fit the lanes, one more than that, since
     /// the tree is asked then and a list of all of a fine mesh's would fill the memory.
-    pub(super) fn touched(&self, bundle: &Bundle<'_>, mirror: u32) -> Vec<u32> {
+    pub(super) fn touched(&self, bundle: &Bundle, mirror: u32) -> Vec<u32> {
         let mut found = Vec::new();
         let enough = core::cell::Cell::new(false);
         self.tree.visit(
@@ -192,4 +223,105 @@ fn meets(element: &Element, origin: Vector, direction: Vector, end: f64) -> bool
     }
     let point: Vector = core::array::from_fn(|k| origin[k] + along * direction[k]);
     sides(element).all(|(inward, bound)| dot(inward, point) >= bound)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::{hash, part};
+    use crate::trace::across;
+    use crate::vector::add;
+
+    struct Random(u64);
+
+    impl Random {
+        fn next(&mut self) -> f64 {
+            self.0 += 1;
+            part(hash(11, self.0))
+        }
+        fn within(&mut self, most: f64) -> f64 {
+            most * (2.0 * self.next() - 1.0)
+        }
+        fn vector(&mut self, most: f64) -> Vector {
+            core::array::from_fn(|_| self.within(most))
+        }
+        /// A quadrilateral of about 2 m, bent, or a triangle.
+        fn element(&mut self, middle: Vector, bent_m: f64) -> Option<Element> {
+            let [x, y] = across(unit(self.vector(1.0))?);
+            let z = cross(x, y);
+            let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[a, b]| {
+                let in_plane = add(
+                    scale(x, a + self.within(0.5)),
+                    scale(y, b + self.within(0.5)),
+                );
+                add(
+                    middle,
+                    add(in_plane, scale(z, self.within(bent_m.max(1e-9)))),
+                )
+            });
+            if self.next() < 0.3 {
+                let [a, b, c, _] = corners;
+                return Element::triangle([a, b, c]).ok();
+            }
+            Element::quadrilateral(corners).ok()
+        }
+    }
+
+    // Elements anywhere near a bundle, flat and bent, square to it and edge on: whatever a ray of it meets is found.
+    #[test]
+    fn what_a_ray_meets_its_bundle_may_meet() {
+        let mut random = Random(0);
+        let (mut met, mut parted) = (0, 0);
+        for round in 0..20_000 {
+            let bent_m = [0.0, 0.4][round % 2];
+            let middle = random.vector(3.0);
+            let (Some(mine), Some(theirs)) = (
+                random.element([0.0; 3], bent_m),
+                random.element(middle, bent_m),
+            ) else {
+                continue;
+            };
+            let normal = mine.normal();
+            let Some(toward) = unit(random.vector(1.0)).filter(|d| dot(*d, normal) > 0.0) else {
+                continue;
+            };
+            let outline = Outline::of(&mine);
+            let bundle = Bundle {
+                outline,
+                normal,
+                from: mine.centroid_m(),
+                radius_m: 3.0,
+                toward,
+                spread: [0.3, 0.01][round % 3 / 2],
+                length_m: f64::INFINITY,
+            };
+            let may = bundle.may_meet(&theirs);
+            parted += usize::from(!may);
+            let sideways = across(toward);
+            for _ in 0..20 {
+                // a mean of the corners lies within them
+                let shares: Vec<f64> = outline.corners().iter().map(|_| random.next()).collect();
+                let all: f64 = shares.iter().sum();
+                let origin = outline
+                    .corners()
+                    .iter()
+                    .zip(&shares)
+                    .fold([0.0; 3], |sum, (&c, share)| add(sum, scale(c, share / all)));
+                let (sin, cos) = libm::sincos(random.within(4.0));
+                let stray = bundle.spread * random.next().sqrt();
+                let direction = add(
+                    toward,
+                    add(
+                        scale(sideways[0], stray * cos),
+                        scale(sideways[1], stray * sin),
+                    ),
+                );
+                if meets(&theirs, origin, direction, f64::INFINITY) {
+                    met += 1;
+                    assert!(may, "{round}: {mine:?} {theirs:?}");
+                }
+            }
+        }
+        assert!(met > 5_000 && parted > 5_000, "{met} {parted}");
+    }
 }

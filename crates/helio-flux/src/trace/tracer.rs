@@ -5,7 +5,7 @@ use helio_core::SimdLevel;
 use super::Scene;
 use super::beam::{Cone, Piece, onto_plane};
 use super::kernel::{Grid, Pass, PlaneKernel, plane};
-use super::occlusion::{Bundle, Candidates, Obstacles};
+use super::occlusion::{Bundle, Candidates, Obstacles, Outline};
 use super::plan::{Job, Plan};
 use super::rayset::{Lap, RaySet};
 use super::round::{RoundKernel, onto_round, round};
@@ -57,7 +57,8 @@ impl Tracer<'_> {
             let radius_m = element.corners_m().iter().map(distance).fold(0.0, f64::max);
             let [sun_reach, slope_reach] = self.set.reach;
             let to_sun = Bundle {
-                element,
+                outline: Outline::of(element),
+                normal,
                 from,
                 radius_m,
                 toward: self.sun,
