@@ -12,7 +12,7 @@
 
 use std::time::Instant;
 
-use helio_bench::Options;
+use helio_bench::{Options, memory_mib};
 use helio_flux::{
     ConvolveOptions, Element, FluxError, FluxMap, FoldedPlate, OpticalError, Plane, RayOptions,
     Rays, Receiver, Scene, SunShape, convolve, trace_rays,
@@ -135,20 +135,6 @@ fn apart(map: &FluxMap, wanted: &FluxMap) -> f64 {
     let pairs = map.irradiance_w_m2().iter().zip(wanted.irradiance_w_m2());
     let squares: f64 = pairs.map(|(a, b)| (a - b) * (a - b)).sum();
     (squares / wanted.irradiance_w_m2().len() as f64).sqrt() / wanted.peak().0
-}
-
-/// Most memory that the process has used, where the system says.
-fn memory_mib() -> u64 {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-    let kib = line.and_then(|line| {
-        line.trim()
-            .trim_end_matches("kB")
-            .trim()
-            .parse::<u64>()
-            .ok()
-    });
-    kib.unwrap_or(0) / 1024
 }
 
 fn text(error: impl ToString) -> String {

@@ -82,14 +82,23 @@ fn suns() -> [Sun; 4] {
 }
 
 impl Sun {
-    /// An angle from the middle: even in solid angle, kept as often as it is bright.
-    fn angle(&self, random: &mut Pcg) -> f64 {
+    /// An angle from the middle, as often as there is light from the ring of it: even angles, some of them kept.
+    fn angle(&self, brightest: f64, random: &mut Pcg) -> f64 {
         loop {
-            let angle = 2.0 * ((0.5 * self.end).sin() * random.uniform().sqrt()).asin();
-            if random.uniform() <= (self.radiance)(angle) {
+            let angle = self.end * random.uniform();
+            if random.uniform() * brightest <= angle.sin() * (self.radiance)(angle) {
                 return angle;
             }
         }
+    }
+
+    /// Greatest light of a ring.
+    fn brightest(&self) -> f64 {
+        let ring = |k: i32| {
+            let angle = self.end * f64::from(k) / 10_000.0;
+            angle.sin() * (self.radiance)(angle)
+        };
+        1.001 * (0..=10_000).map(ring).fold(0.0, f64::max)
     }
 }
 
@@ -264,6 +273,7 @@ fn brute(
     let aperture = |&[_, a, b]: &Panel| dot(cross(a, b), sun);
     let all: f64 = panels.iter().map(aperture).sum();
     let [x, y] = sideways(sun);
+    let brightest = shape.brightest();
     for _ in 0..RAYS {
         let mut left = random.uniform() * all;
         let mut k = 0;
@@ -274,7 +284,7 @@ fn brute(
         let [corner, a, b] = panels[k];
         let (u, v) = (random.uniform(), random.uniform());
         let origin = combine(combine(corner, u, a), v, b);
-        let (sin, cos) = shape.angle(&mut random).sin_cos();
+        let (sin, cos) = shape.angle(brightest, &mut random).sin_cos();
         let (s, c) = (TAU * random.uniform()).sin_cos();
         let from = combine(combine(sun.map(|x| cos * x), sin * c, x), sin * s, y);
         let others = || panels.iter().enumerate().filter(|(j, _)| *j != k);
