@@ -91,7 +91,7 @@ impl Bundle {
         let along = range(&theirs, self.toward);
         // How far its rays have come at most, and so strayed, where they are past the other.
         let ahead = along.1 - range(&self.outline, self.toward).0;
-        if ahead <= 0.0 || along.0 > self.length_m + self.radius_m {
+        if ahead <= 0.0 {
             return false;
         }
         // Rays leave the plane that they start in, unless they run almost in it.
@@ -152,7 +152,12 @@ impl<'a> Obstacles<'a> {
             |bounds| !enough.get() && bundle.may_touch(bounds.middle(), bounds.radius()),
             |k| {
                 let element = &self.elements[k];
-                if element.mirror() != mirror && !enough.get() && bundle.may_meet(element) {
+                if element.mirror() == mirror || enough.get() {
+                    return;
+                }
+                // Spheres tell most apart in a tenth of the time.
+                let bounds = Aabb::around(element.corners_m());
+                if bundle.may_touch(bounds.middle(), bounds.radius()) && bundle.may_meet(element) {
                     found.push(k as u32);
                     enough.set(found.len() > MOST_IN_LANES);
                 }
