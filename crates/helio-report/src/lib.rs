@@ -4,8 +4,9 @@
 //! [`angle_curves`] draws axis angles and incidence of a few heliostats over time. Both give a
 //! [`Figure`], which [`Figure::to_svg`] turns into a file, [`stack`] puts under another, and
 //! [`Page`] shows in HTML. [`calibration`] makes the page of a calibration heliostat by heliostat,
-//! [`joint`] that of a field calibrated as one. A figure needs nothing from outside: no script, no
-//! font, no style sheet.
+//! [`joint`] that of a field calibrated as one, [`flux`] maps, profiles and slope errors of loaded
+//! mirrors. A figure needs nothing from outside: no script, no font, no style sheet; with the
+//! feature `png`, `Figure::to_png` paints it with a font of its own.
 //!
 //! Units at this edge are those printed: metres and degrees. Colours are safe for colour-blind
 //! readers: viridis for values, a darkened twilight (cyclic) for azimuths, and the palette of Okabe
@@ -14,10 +15,13 @@
 pub mod accuracy;
 pub mod calibration;
 mod curves;
+pub mod flux;
 mod html;
 pub mod joint;
 mod map;
 mod palette;
+#[cfg(feature = "png")]
+mod png;
 mod svg;
 mod ticks;
 
@@ -27,7 +31,7 @@ pub use map::{FieldMap, MapColour, field_map};
 pub use svg::{Figure, stack};
 
 /// A figure that cannot be drawn.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum FigureError {
     /// Two columns of one figure differ in length.
@@ -44,6 +48,22 @@ pub enum FigureError {
         /// What is missing.
         what: &'static str,
     },
+    /// A number that has no place in the figure.
+    BadValue {
+        /// The column or the option.
+        what: &'static str,
+        /// What it may be.
+        wanted: &'static str,
+        /// Its row, counted from 0, in a column.
+        row: Option<usize>,
+        /// What it is.
+        value: f64,
+    },
+    /// Pixels that a library did not take.
+    Pixels {
+        /// What the library says.
+        why: String,
+    },
 }
 
 impl std::fmt::Display for FigureError {
@@ -57,6 +77,19 @@ impl std::fmt::Display for FigureError {
                 write!(f, "figure: {what}: expected {expected} entries, got {got}")
             }
             Self::Empty { what } => write!(f, "figure: there is no {what} to draw"),
+            Self::BadValue {
+                what,
+                wanted,
+                row,
+                value,
+            } => {
+                write!(f, "figure: {what}: expected {wanted}, got {value}")?;
+                match row {
+                    Some(row) => write!(f, " in row {row} (counted from 0)"),
+                    None => Ok(()),
+                }
+            }
+            Self::Pixels { why } => write!(f, "figure: pixels: {why}"),
         }
     }
 }

@@ -58,6 +58,12 @@ impl Figure {
         )
     }
 
+    /// The element for HTML, where its namespace goes without saying.
+    pub(crate) fn inline(&self) -> String {
+        self.element()
+            .replacen(" xmlns=\"http://www.w3.org/2000/svg\"", "", 1)
+    }
+
     /// Adds markup as it is.
     pub(crate) fn raw(&mut self, markup: std::fmt::Arguments<'_>) {
         // Writing to a string cannot fail.

@@ -137,7 +137,15 @@ impl Frustum {
         (middle_m, self.growth(), self.height_m)
     }
 
-    fn slant_m(&self) -> f64 {
+    /// Radii at the base and at the end of the axis \[m\].
+    #[must_use]
+    pub const fn radii_m(&self) -> [f64; 2] {
+        [self.base_radius_m, self.end_radius_m]
+    }
+
+    /// From the base to the end along the surface \[m\].
+    #[must_use]
+    pub fn slant_m(&self) -> f64 {
         libm::hypot(self.height_m, self.base_radius_m - self.end_radius_m)
     }
 

@@ -25,23 +25,23 @@ footer{font-size:.85em;margin-top:3em}\
 .badge{font-size:.8rem;font-weight:600;padding:.08em .6em;border:1px solid;border-radius:1em;white-space:nowrap;\
 vertical-align:.12em}.good{color:var(--good)}.warn{color:var(--warn)}.wrong{color:var(--bad)}\
 svg{max-width:100%;height:auto;display:block}svg svg{max-width:none}\
-svg text{font:12px system-ui,'Segoe UI',Helvetica,Arial,sans-serif;fill:var(--ink)}\
-svg .soft{fill:var(--soft)}svg .name{font-weight:600;font-size:13px}svg .small{font-size:11px}svg .e{text-anchor:end}svg .m{text-anchor:middle}\
-svg path{fill:none;stroke:var(--ink)}svg .grid{stroke:var(--grid)}svg .axis{stroke:var(--line)}\
-svg .frame{fill:none;stroke:var(--line)}svg .cell{fill:var(--grid)}\
-svg .arrow{stroke-width:1.2;stroke-linejoin:round;stroke-opacity:.8}svg .bar{stroke-width:1.6}\
-svg .outline{fill:none;stroke-dasharray:5 4;stroke-opacity:.8}svg .open{fill:var(--paper)}\
-svg .jump{stroke-dasharray:4 3;stroke-width:1.4}svg .bound{stroke:var(--bad);stroke-dasharray:4 3}svg .bad{stroke:var(--bad);stroke-width:1.4}\
-svg .was{stroke:var(--soft);stroke-width:2}svg .scale{stroke:var(--ink);stroke-width:3}\
-svg .tower{fill:var(--paper);stroke-width:1.5}\
-svg .dots{stroke-linecap:round}svg .squares{stroke-linecap:square}\
-svg .dots.ring{stroke:var(--warn)}svg .dots.failed{stroke:var(--bad)}svg .dots.none{stroke:var(--none)}\
-svg .s0{stroke:var(--c0)}svg .s1{stroke:var(--c1)}svg .s2{stroke:var(--c2)}svg .s3{stroke:var(--c3)}\
-svg .s4{stroke:var(--c4)}svg .s5{stroke:var(--c5)}svg .f0{fill:var(--c0)}svg .f1{fill:var(--c1)}svg .mark{stroke:none}\
+[role=img] text{font:12px system-ui,'Segoe UI',Helvetica,Arial,sans-serif;fill:var(--ink)}\
+[role=img] .soft{fill:var(--soft)}[role=img] .name{font-weight:600;font-size:13px}[role=img] .small{font-size:11px}[role=img] .e{text-anchor:end}[role=img] .m{text-anchor:middle}\
+[role=img] path{fill:none;stroke:var(--ink)}[role=img] .grid{stroke:var(--grid)}[role=img] .axis{stroke:var(--line)}\
+[role=img] .frame{fill:none;stroke:var(--line)}[role=img] .cell{fill:var(--grid)}\
+[role=img] .arrow{stroke-width:1.2;stroke-linejoin:round;stroke-opacity:.8}[role=img] .bar{stroke-width:1.6}\
+[role=img] .outline{fill:none;stroke-dasharray:5 4;stroke-opacity:.8}[role=img] .open{fill:var(--paper)}\
+[role=img] .jump{stroke-dasharray:4 3;stroke-width:1.4}[role=img] .bound{stroke:var(--bad);stroke-dasharray:4 3}[role=img] .bad{stroke:var(--bad);stroke-width:1.4}\
+[role=img] .was{stroke:var(--soft);stroke-width:2}[role=img] .scale{stroke:var(--ink);stroke-width:3}\
+[role=img] .tower{fill:var(--paper);stroke-width:1.5}\
+[role=img] .dots{stroke-linecap:round}[role=img] .squares{stroke-linecap:square}\
+[role=img] .dots.ring{stroke:var(--warn)}[role=img] .dots.failed{stroke:var(--bad)}[role=img] .dots.none{stroke:var(--none)}\
+[role=img] .s0{stroke:var(--c0)}[role=img] .s1{stroke:var(--c1)}[role=img] .s2{stroke:var(--c2)}[role=img] .s3{stroke:var(--c3)}\
+[role=img] .s4{stroke:var(--c4)}[role=img] .s5{stroke:var(--c5)}[role=img] .f0{fill:var(--c0)}[role=img] .f1{fill:var(--c1)}[role=img] .mark{stroke:none}\
 .verdict{border:1.5px solid;border-radius:.5em;padding:.1em 1em;margin:0 0 1em}.verdict b{font-size:1.35em}\
 .found{min-width:15em}.hash{min-width:18em;font:12px ui-monospace,Menlo,Consolas,monospace;overflow-wrap:anywhere}\
-svg .limit{stroke:var(--bad);stroke-width:2}svg .whisker{stroke-width:1.4}svg .col{stroke:none;fill:var(--c0);fill-opacity:.75}\
-svg .beyond{fill:var(--c1)}\
+[role=img] .limit{stroke:var(--bad);stroke-width:2}[role=img] .whisker{stroke-width:1.4}[role=img] .col{stroke:none;fill:var(--c0);fill-opacity:.75}\
+[role=img] .beyond{fill:var(--c1)}\
 .sign div{display:grid;grid-template-columns:8em 1fr 8em 1fr;gap:0 1.5em;align-items:end;break-inside:avoid}\
 .sign div p{margin:2.6em 0 0}.sign div p+p{border-top:1px solid var(--line);margin-top:3.6em}.sign span{color:var(--soft);font-size:.8em}\
 @media (max-width:700px){table{display:block;overflow-x:auto}.wide{overflow-x:auto}.wide svg{max-width:none;width:720px}\
