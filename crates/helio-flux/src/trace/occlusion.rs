@@ -3,11 +3,14 @@
 use super::verdict::Screen;
 use crate::bvh::{Aabb, Bvh};
 use crate::element::Element;
-use crate::vector::{Vector, cross, dot, norm, scale, sub, unit};
+use crate::vector::{Vector, add, cross, dot, norm, scale, sub, unit};
 
 /// Up to so many obstacles are tried one after another for sixteen rays at once; beyond, a tree finds them for each
 /// ray. A test in lanes takes about 1 ns a ray, a search of the tree some 100.
 const MOST_IN_LANES: usize = 64;
+
+/// Most elements near some bundles that are tried one by one for each; of more, the tree finds those of each.
+const MOST_NEAR: usize = 512;
 
 /// All elements, as obstacles.
 pub(super) struct Obstacles<'a> {
@@ -113,6 +116,38 @@ impl Bundle {
         })
     }
 
+    /// A bundle that holds all rays of some; `None` for bundles that part too far.
+    fn around(bundles: &[Self]) -> Option<Self> {
+        let first = bundles.first()?;
+        let sum = |of: fn(&Self) -> Vector| bundles.iter().map(of).fold([0.0; 3], add);
+        let from = scale(sum(|b| b.from), 1.0 / bundles.len() as f64);
+        let toward = unit(sum(|b| b.toward))?;
+        let mut all = Self {
+            from,
+            toward,
+            radius_m: 0.0,
+            spread: 0.0,
+            length_m: 0.0,
+            ..*first
+        };
+        for b in bundles {
+            let aside = norm(cross(b.toward, toward));
+            // What a ray goes ahead along the common direction, at least, for one unit along its own.
+            let ahead = dot(b.toward, toward) - b.spread * aside;
+            if ahead < 0.5 {
+                return None;
+            }
+            all.radius_m = all.radius_m.max(norm(sub(b.from, from)) + b.radius_m);
+            all.spread = all.spread.max((aside + b.spread) / ahead);
+            all.length_m = all.length_m.max(b.length_m);
+        }
+        // An end that one of them reaches on its side lies farther ahead than its own length.
+        if all.length_m.is_finite() {
+            all.length_m += 2.0 * all.spread * (all.length_m + all.radius_m) + 2.0 * all.radius_m;
+        }
+        Some(all)
+    }
+
     /// True if it may touch a sphere.
     fn may_touch(&self, middle: Vector, radius_m: f64) -> bool {
         let apart = sub(middle, self.from);
@@ -143,28 +178,64 @@ impl<'a> Obstacles<'a> {
         })
     }
 
-    /// Elements of other mirrors that a bundle may touch; of more than fit the lanes, one more than that, since
-    /// the tree is asked then and a list of all of a fine mesh's would fill the memory.
-    pub(super) fn touched(&self, bundle: &Bundle, mirror: u32) -> Vec<u32> {
-        let mut found = Vec::new();
-        let enough = core::cell::Cell::new(false);
+    /// What each of some bundles from one mirror may touch. They are looked for together: neighbours have much the same
+    /// in their way, and a search of the tree costs more than to try some tens of elements.
+    pub(super) fn touched(&self, bundles: &[Bundle], mirror: u32) -> Vec<Vec<u32>> {
+        let near = Bundle::around(bundles).and_then(|all| {
+            let mut near = Vec::new();
+            let full = core::cell::Cell::new(false);
+            self.tree.visit(
+                |bounds| !full.get() && all.may_touch(bounds.middle(), bounds.radius()),
+                |k| {
+                    near.push(k as u32);
+                    full.set(near.len() > MOST_NEAR);
+                },
+            );
+            if full.get() {
+                return None;
+            }
+            near.retain(|&k| self.elements[k as usize].mirror() != mirror);
+            Some(near)
+        });
+        let each = bundles.iter().map(|bundle| {
+            let mut found = Vec::new();
+            match &near {
+                Some(near) => {
+                    for &k in near {
+                        self.try_one(k, bundle, mirror, &mut found);
+                    }
+                }
+                None => self.touched_alone(bundle, mirror, &mut found),
+            }
+            found.shrink_to_fit();
+            found
+        });
+        each.collect()
+    }
+
+    fn touched_alone(&self, bundle: &Bundle, mirror: u32, found: &mut Vec<u32>) {
+        let full = core::cell::Cell::new(false);
         self.tree.visit(
-            |bounds| !enough.get() && bundle.may_touch(bounds.middle(), bounds.radius()),
+            |bounds| !full.get() && bundle.may_touch(bounds.middle(), bounds.radius()),
             |k| {
-                let element = &self.elements[k];
-                if element.mirror() == mirror || enough.get() {
-                    return;
-                }
-                // Spheres tell most apart in a tenth of the time.
-                let bounds = Aabb::around(element.corners_m());
-                if bundle.may_touch(bounds.middle(), bounds.radius()) && bundle.may_meet(element) {
-                    found.push(k as u32);
-                    enough.set(found.len() > MOST_IN_LANES);
-                }
+                self.try_one(k as u32, bundle, mirror, found);
+                full.set(found.len() > MOST_IN_LANES);
             },
         );
-        found.shrink_to_fit();
-        found
+    }
+
+    /// Adds an element of another mirror that a bundle may touch; of more than fit the lanes, one more than that, since
+    /// the tree is asked then and a list of all of a fine mesh's would fill the memory.
+    fn try_one(&self, k: u32, bundle: &Bundle, mirror: u32, found: &mut Vec<u32>) {
+        let element = &self.elements[k as usize];
+        if element.mirror() == mirror || found.len() > MOST_IN_LANES {
+            return;
+        }
+        // Spheres tell most apart in a tenth of the time.
+        let bounds = Aabb::around(element.corners_m());
+        if bundle.may_touch(bounds.middle(), bounds.radius()) && bundle.may_meet(element) {
+            found.push(k);
+        }
     }
 
     /// The obstacles with places relative to a point, ready for lanes.
@@ -235,7 +306,6 @@ mod tests {
     use super::*;
     use crate::sampling::{hash, part};
     use crate::trace::across;
-    use crate::vector::add;
 
     struct Random(u64);
 
@@ -328,5 +398,49 @@ mod tests {
             }
         }
         assert!(met > 5_000 && parted > 5_000, "{met} {parted}");
+    }
+
+    // Heliostats of several elements, in one order and alone: the same is in the way.
+    #[test]
+    fn bundles_together_touch_what_each_does_alone() {
+        let mut random = Random(500_000);
+        let mut elements = Vec::new();
+        for mirror in 0..120 {
+            let middle = random.vector(20.0);
+            for _ in 0..5 {
+                let at = add(middle, random.vector(1.5));
+                let Some(element) = random.element(at, 0.1) else {
+                    continue;
+                };
+                elements.push(element.with_mirror(mirror));
+            }
+        }
+        let obstacles = Obstacles::new(&elements).unwrap();
+        let mut found = [0; 2];
+        for group in elements.chunk_by(|a, b| a.mirror() == b.mirror()) {
+            let toward = unit(random.vector(1.0)).unwrap();
+            for apart in [0.02, 3.0] {
+                let bundle = |element: &Element| Bundle {
+                    outline: Outline::of(element),
+                    normal: element.normal(),
+                    from: element.centroid_m(),
+                    radius_m: 2.5,
+                    toward: unit(add(toward, random.vector(apart))).unwrap(),
+                    spread: 0.05,
+                    length_m: 15.0,
+                };
+                let bundles: Vec<_> = group.iter().map(bundle).collect();
+                let together = obstacles.touched(&bundles, group[0].mirror());
+                for (bundle, mut together) in bundles.iter().zip(together) {
+                    let mut alone = Vec::new();
+                    obstacles.touched_alone(bundle, group[0].mirror(), &mut alone);
+                    alone.sort_unstable();
+                    together.sort_unstable();
+                    assert_eq!(together, alone);
+                    found[usize::from(apart > 1.0)] += alone.len();
+                }
+            }
+        }
+        assert!(found.iter().all(|&f| f > 200), "{found:?}");
     }
 }
