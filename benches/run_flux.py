@@ -13,7 +13,9 @@ from __future__ import annotations
 
 import argparse
 import datetime
+import itertools
 import json
+import math
 import os
 import subprocess
 import sys
@@ -66,8 +68,8 @@ def rays_table(best: dict[Key, Line]) -> str:
             rate = line["mrays_per_s_with_set"]
             rows.append(f"| {peer}, its rays made anew for each call | {threads} | {rate:.1f} | {rate / numba:.1f} |")
     one, two = (best["helio_rs", threads]["mrays_per_s"] for threads in (1, 2))
-    rows += ["", f"One thread over numba: {one / numba:.1f} (bar {BARS[0]:.0f}). Two threads over one: {two / one:.2f} (bar {BARS[1]})."]
-    return "\n".join(rows)
+    over = f"One thread over numba: {one / numba:.1f} (bar {BARS[0]:.0f})."
+    return "\n".join([*rows, "", f"{over} Two threads over one: {two / one:.2f} (bar {BARS[1]})."])
 
 
 def fields_table(plan: run.Plan, quick: bool) -> str:
@@ -127,31 +129,32 @@ def errors(plan: run.Plan, quick: bool) -> list[Line]:
     return run.run_lines(plan.program("flux_error"), "--threads", "2", *most)
 
 
-def at(time_s: float, rays: list[Line]) -> float:
-    """Error of rays that take so long, between the numbers of rays measured."""
-    for before, after in zip(rays, rays[1:], strict=False):
-        if before["seconds"] <= time_s <= after["seconds"]:
-            share = (time_s - before["seconds"]) / (after["seconds"] - before["seconds"])
-            return float(before["rms_of_peak"] ** (1.0 - share) * after["rms_of_peak"] ** share)
-    return float(rays[0 if time_s < rays[0]["seconds"] else -1]["rms_of_peak"])
+def time_to(error: float, rays: list[Line]) -> float:
+    """Seconds that rays take to an error: along straight lines between logarithms, and the last two's beyond them."""
+    pairs = list(itertools.pairwise(rays))
+    before, after = next((pair for pair in pairs if pair[1]["rms_of_peak"] <= error), pairs[-1])
+    fall = math.log(before["rms_of_peak"] / after["rms_of_peak"])
+    share = math.log(before["rms_of_peak"] / error) / fall
+    return float(before["seconds"] * (after["seconds"] / before["seconds"]) ** share)
 
 
 def crossover_table(lines: list[Line]) -> str:
     rows = [
-        "| scene | elements | points a bin | error of the convolution | its seconds | rays' error in that time | sooner |",
-        "|---|---|---|---|---|---|---|",
+        "| scene | elements | points a bin | error | convolution | rays to that error | rays over convolution | even at |",
+        "|---|---|---|---|---|---|---|---|",
     ]
     for scene, elements in dict.fromkeys((line["scene"], line["elements"]) for line in lines):
         of = [line for line in lines if (line["scene"], line["elements"]) == (scene, elements)]
-        rays = sorted((line for line in of if line["way"] == "rays"), key=lambda line: float(line["seconds"]))
+        rays = sorted((line for line in of if line["way"] == "rays"), key=lambda line: int(line["rays"]))
         for line in of:
             if line["way"] != "convolution":
                 continue
-            error, theirs = line["rms_of_peak"], at(line["seconds"], rays)
-            beyond = line["seconds"] > rays[-1]["seconds"]
+            error, ours = line["rms_of_peak"], line["seconds"]
+            theirs = time_to(error, rays)
+            mark = "about " if error < rays[-1]["rms_of_peak"] else ""
             rows.append(
-                f"| {scene} | {elements:,} | {line['count']}² | {error:.1e} | {line['seconds']:.4f} | "
-                f"{'below ' if beyond else ''}{theirs:.1e} | {'convolution' if error < theirs else 'rays'} |"
+                f"| {scene} | {elements:,} | {line['count']}² | {error:.1e} | {1e3 * ours:.2f} ms | "
+                f"{mark}{1e3 * theirs:.1f} ms | {theirs / ours:.2g} | {elements * theirs / ours:.2g} elements |"
             )
     return "\n".join(rows)
 
@@ -180,10 +183,10 @@ def maps(plan: run.Plan, quick: bool) -> tuple[str, list[str]]:
         for name, found in ((title, line), ("the same, by convolution", line.get("integral"))):
             if found is None:
                 continue
-            told = [f"{x:+.1f} σ" for x in parts] + [shares] if found is line else [""] * 4
+            told = [f"{x:+.1f} s.e." for x in parts] + [shares] if found is line else [""] * 4
             rows.append(
                 f"| {name} | {line['rays']:.1e} | {found['bins']} | {found['rays_per_bin']:.0f} | "
-                f"{found['chi_squared_per_bin']:.3f} ± {found['standard_error']:.3f} | {found['worst']:.1f} σ | "
+                f"{found['chi_squared_per_bin']:.3f} ± {found['standard_error']:.3f} | {found['worst']:.1f} s.e. | "
                 f"{' | '.join(told)} |"
             )
             far = abs(found["chi_squared_per_bin"] - 1.0) > 5.0 * found["standard_error"] or found["worst"] > 5.5
@@ -203,9 +206,10 @@ def report(plan: run.Plan, quick: bool, write: bool) -> tuple[str, list[str]]:
     run.run(plan.program("flux_plot"), "--lines", str(plan.work / "flux_error.jsonl"), "--out", str(folder))
     fields, meshes = fields_table(plan, quick), meshes_table(plan, quick)
     independent, far = maps(plan, quick)
+    today = f"{datetime.datetime.now(datetime.UTC):%Y-%m-%d}"
+    machine = f"{today}, {run.processor()}, {os.cpu_count()} cores; numba {numba['version']}"
     parts = [
-        f"{datetime.datetime.now(datetime.UTC):%Y-%m-%d}, {run.processor()}, {os.cpu_count()} cores; numba {numba['version']}; "
-        f"most of {plan.rounds} rounds, load average {min(loads):.2f} to {max(loads):.2f}.",
+        f"{machine}; most of {plan.rounds} rounds, load average {min(loads):.2f} to {max(loads):.2f}.",
         "## Rays",
         rays_table(best),
         "## A field",

@@ -44,7 +44,8 @@ def mirrors(scene: dict[str, Any]) -> Any:
     slope = scene["slope_rms_rad"]
     surface: dict[str, Any] = {"type": "conductor", "material": "none"}
     if slope > 0.0:
-        surface = {"type": "roughconductor", "material": "none", "distribution": "beckmann", "alpha": math.sqrt(2) * slope}
+        alpha = math.sqrt(2) * slope
+        surface = {"type": "roughconductor", "material": "none", "distribution": "beckmann", "alpha": alpha}
     properties = mi.Properties()
     properties["bsdf"] = mi.load_dict(surface)
     mesh = mi.Mesh("mirrors", len(points), len(faces), props=properties)

@@ -78,7 +78,10 @@ fn main() -> Result<(), String> {
             );
             Ok::<(), String>(())
         };
-        let mut rays = 1 << 14;
+        // Every element gets sixteen.
+        let mut rays = (16 * elements.len() as u64)
+            .next_power_of_two()
+            .max(1 << 14);
         while rays <= most {
             let options = RayOptions {
                 rays: Rays::Total(rays),
