@@ -77,22 +77,25 @@ def fields_table(plan: run.Plan, quick: bool) -> str:
         "| 12,000 heliostats, 240,000 facets, two threads | | seconds | rms error, of the peak | worst bin |",
         "|---|---|---|---|---|",
     ]
-    seconds = []
+    seconds: dict[str, list[float]] = {"rms_of_peak": [], "worst_of_peak": []}
     for rays in (20_000_000,) if quick else (20_000_000, 200_000_000):
         # By convolution once: it takes a hundred times as long.
         convolve = ("--convolve", "1") if not quick and rays == 20_000_000 else ()
         run.say(f"field, {rays:.0e} rays")
         for line in run.run_lines(plan.program("flux_field"), "--rays", str(rays), *convolve):
             is_rays = line["way"] == "rays"
-            if is_rays and line["rms_of_peak"] < 0.01:
-                seconds.append(line["seconds"])
+            for of, fewest in seconds.items():
+                if is_rays and line[of] < 0.01:
+                    fewest.append(line["seconds"])
             how = f"{line['rays']:.1e} rays" if is_rays else "convolution, no shading"
             rows.append(
                 f"| {line['receiver']} | {how} | "
                 f"{line['seconds']:.2f} | {line['rms_of_peak']:.1e} | {line['worst_of_peak']:.1e} |"
             )
-    rows += ["", f"To 1 % of the peak or better, least: {min(seconds):.2f} s (bar {BARS[2]:.0f} s)." if seconds else ""]
-    return "\n".join(rows)
+    least = {of: f"{min(fewest):.2f} s" if fewest else "not reached" for of, fewest in seconds.items()}
+    bar = f"(bar {BARS[2]:.0f} s)"
+    to = f"To 1 % of the peak, root mean square: {least['rms_of_peak']} {bar}; in every bin: {least['worst_of_peak']}."
+    return "\n".join([*rows, "", to])
 
 
 def meshes_table(plan: run.Plan, quick: bool) -> str:
@@ -166,16 +169,17 @@ def maps(plan: run.Plan, quick: bool) -> tuple[str, list[str]]:
         "|---|---|---|---|---|---|---|---|---|---|",
     ]
     wrong, version = [], ""
+    # Ours are so many more that chance is Mitsuba's alone.
     for scene, title in SCENES.items():
         run.say(f"Mitsuba: {scene}")
         path = plan.work / f"flux_{scene}.json"
         made = subprocess.run(
-            [plan.program("flux_scene"), "--scene", scene, "--rays", str(1 << (24 if quick else 29))],
+            [plan.program("flux_scene"), "--scene", scene, "--rays", str(1 << (27 if quick else 31))],
             stdout=subprocess.PIPE,
             check=True,
         )
         path.write_bytes(made.stdout)
-        rays = str(1 << (23 if quick else 28))
+        rays = str(1 << (23 if quick else 26))
         (line,) = run.run_lines(plan.python, str(run.PEERS / "flux_mitsuba.py"), str(path), "--rays", rays)
         version = line["version"]
         parts = [line[f"{name}_standard_errors"] for name in ("reflected", "blocked", "received")]
