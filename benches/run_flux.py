@@ -133,9 +133,10 @@ def errors(plan: run.Plan, quick: bool) -> list[Line]:
 
 
 def time_to(error: float, rays: list[Line]) -> float:
-    """Seconds that rays take to an error: along straight lines between logarithms, and the last two's beyond them."""
-    pairs = list(itertools.pairwise(rays))
-    before, after = next((pair for pair in pairs if pair[1]["rms_of_peak"] <= error), pairs[-1])
+    """Seconds that rays take to an error: along straight lines between logarithms; beyond them along the later half's."""
+    pairs = itertools.pairwise(rays)
+    later = (rays[len(rays) // 2 - 1], rays[-1])
+    before, after = next((pair for pair in pairs if pair[1]["rms_of_peak"] <= error), later)
     fall = math.log(before["rms_of_peak"] / after["rms_of_peak"])
     share = math.log(before["rms_of_peak"] / error) / fall
     return float(before["seconds"] * (after["seconds"] / before["seconds"]) ** share)
@@ -174,12 +175,12 @@ def maps(plan: run.Plan, quick: bool) -> tuple[str, list[str]]:
         run.say(f"Mitsuba: {scene}")
         path = plan.work / f"flux_{scene}.json"
         made = subprocess.run(
-            [plan.program("flux_scene"), "--scene", scene, "--rays", str(1 << (27 if quick else 31))],
+            [plan.program("flux_scene"), "--scene", scene, "--rays", str(1 << (27 if quick else 30))],
             stdout=subprocess.PIPE,
             check=True,
         )
         path.write_bytes(made.stdout)
-        rays = str(1 << (23 if quick else 26))
+        rays = str(1 << (23 if quick else 25))
         (line,) = run.run_lines(plan.python, str(run.PEERS / "flux_mitsuba.py"), str(path), "--rays", rays)
         version = line["version"]
         parts = [line[f"{name}_standard_errors"] for name in ("reflected", "blocked", "received")]
