@@ -591,19 +591,19 @@ def report(plan: Plan, m: Measured) -> str:
     return "\n".join(lines) + "\n"
 
 
-def split_readme(begin: str = BEGIN, end: str = END) -> tuple[str, str]:
+def split_readme(begin: str = BEGIN, end: str = END, page: Path = README) -> tuple[str, str]:
     """What stands before a table, and after it."""
-    text = README.read_text() if README.exists() else ""
+    text = page.read_text() if page.exists() else ""
     head, found_begin, rest = text.partition(begin)
     _, found_end, tail = rest.partition(end)
     if not (found_begin and found_end):
-        raise SystemExit(f"{README.name}: expected the markers {begin} and {end}")
+        raise SystemExit(f"{page.name}: expected the markers {begin} and {end}")
     return head, tail
 
 
-def write_readme(text: str, begin: str = BEGIN, end: str = END) -> None:
-    head, tail = split_readme(begin, end)
-    README.write_text(f"{head}{begin}\n{text}{end}{tail}")
+def write_readme(text: str, begin: str = BEGIN, end: str = END, page: Path = README) -> None:
+    head, tail = split_readme(begin, end, page)
+    page.write_text(f"{head}{begin}\n{text}{end}{tail}")
 
 
 def calibration(plan: Plan, quick: bool, write: bool) -> bool:

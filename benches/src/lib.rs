@@ -249,3 +249,18 @@ impl Options {
         })
     }
 }
+
+/// Most memory that the process has used \[MiB\]; 0 where the system does not say.
+#[must_use]
+pub fn memory_mib() -> u64 {
+    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    let kib = line.and_then(|line| {
+        line.trim()
+            .trim_end_matches("kB")
+            .trim()
+            .parse::<u64>()
+            .ok()
+    });
+    kib.unwrap_or(0) / 1024
+}

@@ -5,7 +5,7 @@ use helio_core::SimdLevel;
 use super::Scene;
 use super::beam::{Cone, Piece, onto_plane};
 use super::kernel::{Grid, Pass, PlaneKernel, plane};
-use super::occlusion::{Bundle, Candidates, Obstacles};
+use super::occlusion::{Bundle, Candidates, Obstacles, Outline};
 use super::plan::{Job, Plan};
 use super::rayset::{Lap, RaySet};
 use super::round::{RoundKernel, onto_round, round};
@@ -36,6 +36,9 @@ pub(super) struct Tracer<'a> {
 /// Elements of a task that looks for what is in their way.
 const ELEMENTS_PER_TASK: usize = 256;
 
+/// Most elements whose obstacles are looked for together: the facets of a heliostat, a patch of a fine mesh.
+const MOST_TOGETHER: usize = 32;
+
 impl Tracer<'_> {
     /// Finds what may stand in the light of every element.
     pub(super) fn look_around(&mut self, threads: usize) {
@@ -47,18 +50,16 @@ impl Tracer<'_> {
             self.scene.receiver.centre_m(),
             self.scene.receiver.radius_m(),
         );
-        let candidates_of = |element: &Element| {
+        let [sun_reach, slope_reach] = self.set.reach;
+        let bundles_of = |element: &Element| {
             let (normal, from) = (element.normal(), element.centroid_m());
             let cosine = dot(normal, self.sun);
-            if cosine <= 0.0 {
-                return Candidates::default();
-            }
             let distance = |p: &Vector| norm(sub(*p, from));
-            let radius_m = element.corners_m().iter().map(distance).fold(0.0, f64::max);
-            let [sun_reach, slope_reach] = self.set.reach;
             let to_sun = Bundle {
+                outline: Outline::of(element),
+                normal,
                 from,
-                radius_m,
+                radius_m: element.corners_m().iter().map(distance).fold(0.0, f64::max),
                 toward: self.sun,
                 spread: sun_reach,
                 length_m: f64::INFINITY,
@@ -69,17 +70,35 @@ impl Tracer<'_> {
                 length_m: norm(sub(receiver.0, from)) + receiver.1,
                 ..to_sun
             };
-            Candidates {
-                shaders: obstacles.touched(&to_sun, element.mirror()),
-                blockers: obstacles.touched(&reflected, element.mirror()),
-            }
+            (to_sun, reflected)
+        };
+        // Of elements of one mirror; those turned away have no light to lose.
+        let candidates_of = |together: &[Element]| {
+            let mirror = together[0].mirror();
+            let lit = |element: &Element| dot(element.normal(), self.sun) > 0.0;
+            let pairs = together
+                .iter()
+                .filter(|element| lit(element))
+                .map(bundles_of);
+            let (to_sun, reflected): (Vec<_>, Vec<_>) = pairs.unzip();
+            let mut found = core::iter::zip(
+                obstacles.touched(&to_sun, mirror),
+                obstacles.touched(&reflected, mirror),
+            );
+            let of = |element: &Element| match lit(element).then(|| found.next()).flatten() {
+                Some((shaders, blockers)) => Candidates { shaders, blockers },
+                None => Candidates::default(),
+            };
+            together.iter().map(of).collect::<Vec<_>>()
         };
         let tasks = elements.len().div_ceil(ELEMENTS_PER_TASK);
         let parts = over_tasks(tasks, threads, |mine| {
             let part = |task: usize| {
                 let first = task * ELEMENTS_PER_TASK;
                 let last = elements.len().min(first + ELEMENTS_PER_TASK);
-                let found: Vec<_> = elements[first..last].iter().map(candidates_of).collect();
+                let mirrors = elements[first..last].chunk_by(|a, b| a.mirror() == b.mirror());
+                let together = mirrors.flat_map(|of_one| of_one.chunks(MOST_TOGETHER));
+                let found: Vec<_> = together.flat_map(candidates_of).collect();
                 (task, found)
             };
             mine.map(part).collect::<Vec<_>>()
