@@ -239,8 +239,8 @@ fn all_ways_agree_with_brute_force() {
                 account.blocked_w - rest.blocked_w,
             )
         };
-        let rest = scene_of(&elements[1..], &rays(1 << 17));
-        let got = alone(scene_of(&elements, &rays(1 << 17)), rest);
+        let rest = scene_of(&elements[1..], &rays(1 << 19));
+        let got = alone(scene_of(&elements, &rays(1 << 19)), rest);
         println!("{got:?}, others {:?}", (rest.shaded_w, rest.blocked_w));
         let error = |c: u64| 4.0 * (c as f64).sqrt() * scale + 1e-3 * power;
         assert!(
@@ -258,8 +258,8 @@ fn all_ways_agree_with_brute_force() {
         }
         assert!(fine.len() > 90);
         let by_tree = alone(
-            scene_of(&fine, &rays(1 << 17)),
-            scene_of(&fine[1..], &rays(1 << 17)),
+            scene_of(&fine, &rays(1 << 19)),
+            scene_of(&fine[1..], &rays(1 << 19)),
         );
         assert!(
             (got.0 - by_tree.0).abs() < 2e-4 * power,
