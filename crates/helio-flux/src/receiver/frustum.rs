@@ -131,6 +131,13 @@ impl Frustum {
         )
     }
 
+    /// How far the cylinder around it reaches from its middle along a unit vector \[m\].
+    pub(super) fn half_extent_m(&self, along: Vector) -> f64 {
+        let [x, y, up] = self.to_local(along);
+        let radius_m = self.base_radius_m.max(self.end_radius_m);
+        0.5 * self.height_m * up.abs() + radius_m * libm::hypot(x, y)
+    }
+
     /// Radius in the middle \[m\], its growth along the axis, and the height \[m\].
     pub(crate) fn shape(&self) -> (f64, f64, f64) {
         let middle_m = self.radius_m(0.5 * self.height_m);

@@ -4,7 +4,7 @@ use super::{Hit, check_point};
 use crate::bvh::{Aabb, Bvh};
 use crate::element::Element;
 use crate::error::FluxError;
-use crate::vector::{Vector, add, cross, dot, scale, sub};
+use crate::vector::{Vector, add, cross, dot, norm, scale, sub};
 
 /// A receiver of any shape: triangles, each a bin, lit on the side from which their corners run
 /// counterclockwise.
@@ -23,7 +23,14 @@ pub struct MeshReceiver {
     triangles: Vec<Element>,
     tree: Bvh,
     bounds: Aabb,
+    /// From the middle of its bounds to its farthest corner.
+    radius_m: f64,
+    /// The plane that all corners lie in: its normal and a point.
+    flat: Option<(Vector, Vector)>,
 }
+
+/// Corners within this part of a mesh's radius of one plane are in it: files round their numbers.
+const FLAT: f64 = 1e-6;
 
 impl MeshReceiver {
     /// A receiver of at least one triangle.
@@ -48,10 +55,25 @@ impl MeshReceiver {
         }
         let boxes: Vec<_> = triangles_m.iter().map(|t| Aabb::around(t)).collect();
         let bounds = Aabb::around(&triangles_m.concat());
+        let corners = || triangles_m.iter().flatten();
+        let from_middle = |corner: &Vector| sub(*corner, bounds.middle());
+        let radius_m = corners().fold(0.0_f64, |most, c| most.max(norm(from_middle(c))));
+        // the plane of the greatest triangle, which rounding turns least
+        let greatest = triangles
+            .iter()
+            .max_by(|a, b| a.area_m2().total_cmp(&b.area_m2()));
+        let flat = greatest.and_then(|greatest| {
+            let (normal, point) = (greatest.normal(), greatest.centroid_m());
+            corners()
+                .all(|c| dot(sub(*c, point), normal).abs() <= FLAT * radius_m)
+                .then_some((normal, point))
+        });
         Ok(Self {
             tree: Bvh::new(&boxes),
             triangles,
             bounds,
+            radius_m,
+            flat,
         })
     }
 
@@ -74,7 +96,18 @@ impl MeshReceiver {
     }
 
     pub(crate) fn outer_radius_m(&self) -> f64 {
-        self.bounds.radius()
+        self.radius_m
+    }
+
+    /// The plane that all of it lies in, if there is one: its normal and a point.
+    pub(super) const fn plane(&self) -> Option<(Vector, Vector)> {
+        self.flat
+    }
+
+    /// How far it reaches at most from its middle along a unit vector \[m\].
+    pub(super) fn half_extent_m(&self, along: Vector) -> f64 {
+        let half_m = scale(sub(self.bounds.high, self.bounds.low), 0.5);
+        dot(along.map(f64::abs), half_m).min(self.radius_m)
     }
 
     pub(crate) fn centre_m(&self) -> Vector {

@@ -9,7 +9,7 @@ pub use mesh::MeshReceiver;
 pub use plane::Plane;
 
 use crate::error::FluxError;
-use crate::vector::{norm, sub, unit};
+use crate::vector::{dot, norm, sub, unit};
 
 /// Most bins of a grid: its whole numbers are counted in singles, which are exact up to 2²⁴.
 const MAX_BINS: usize = 1 << 23;
@@ -192,6 +192,28 @@ impl Receiver {
             Self::Plane(plane) => 0.5 * libm::hypot(plane.size_m()[0], plane.size_m()[1]),
             Self::Frustum(frustum) => frustum.outer_radius_m(),
             Self::Mesh(mesh) => mesh.outer_radius_m(),
+        }
+    }
+
+    /// The plane that all of it lies in, if there is one: its normal and a point.
+    pub(crate) fn plane(&self) -> Option<([f64; 3], [f64; 3])> {
+        match self {
+            Self::Plane(plane) => Some((plane.normal(), plane.centre_m())),
+            Self::Frustum(_) => None,
+            Self::Mesh(mesh) => mesh.plane(),
+        }
+    }
+
+    /// How far it reaches at most from [`centre_m`](Self::centre_m) along a unit vector, and back \[m\].
+    pub(crate) fn half_extent_m(&self, along: [f64; 3]) -> f64 {
+        match self {
+            Self::Plane(plane) => {
+                let [width_m, height_m] = plane.size_m();
+                let (across, down) = (dot(along, plane.right()), dot(along, plane.down()));
+                0.5 * (width_m * across.abs() + height_m * down.abs())
+            }
+            Self::Frustum(frustum) => frustum.half_extent_m(along),
+            Self::Mesh(mesh) => mesh.half_extent_m(along),
         }
     }
 

@@ -1,6 +1,7 @@
 //! From elements to the flux on a receiver, by rays.
 
 mod beam;
+mod ends;
 mod kernel;
 mod occlusion;
 mod plan;
@@ -64,7 +65,9 @@ pub struct RayOptions {
     /// Where on an element rays start.
     pub origins: Origins,
     /// Whether mirrors stand in each other's light: elements of different
-    /// [`mirror`](Element::mirror)s shade and block each other.
+    /// [`mirror`](Element::mirror)s shade and block each other. A ray is blocked by what it meets before the receiver;
+    /// one that misses, by what it meets before the plane of a flat receiver, and before all of any receiver is behind
+    /// it.
     pub occlusion: bool,
     /// Most threads to use; 0 for as many as the thread pool has.
     pub threads: usize,

@@ -25,6 +25,8 @@ pub(super) struct Candidates {
     pub shaders: Vec<u32>,
     /// Between it and the receiver.
     pub blockers: Vec<u32>,
+    /// So many blockers, the first, are nearer than all of the receiver, or the plane that rays end in.
+    pub sure: usize,
 }
 
 impl Candidates {
@@ -244,6 +246,37 @@ impl<'a> Obstacles<'a> {
             .iter()
             .map(|&k| screen(&self.elements[k as usize], origin))
             .collect()
+    }
+
+    /// Puts first those of some elements that end before `near_m` along a unit vector from a point, and counts them.
+    pub(super) fn sure_first(
+        &self,
+        which: &mut [u32],
+        from: Vector,
+        toward: Vector,
+        near_m: f64,
+    ) -> usize {
+        let is_near = |k: u32| {
+            Outline::of(&self.elements[k as usize])
+                .range(from, toward)
+                .1
+                < near_m
+        };
+        which.sort_by_cached_key(|&k| !is_near(k));
+        which.partition_point(|&k| is_near(k))
+    }
+
+    /// True if a ray meets one of some elements before `end`, in lengths of its direction.
+    pub(super) fn is_any_met(
+        &self,
+        which: &[u32],
+        origin: Vector,
+        direction: Vector,
+        end: f64,
+    ) -> bool {
+        which
+            .iter()
+            .any(|&k| meets(&self.elements[k as usize], origin, direction, end))
     }
 
     /// True if a ray meets an element of another mirror before `end`, in lengths of its direction.

@@ -4,13 +4,14 @@ use helio_core::SimdLevel;
 
 use super::Scene;
 use super::beam::{Cone, Piece, onto_plane};
+use super::ends::Ends;
 use super::kernel::{Grid, Pass, PlaneKernel, plane};
 use super::occlusion::{Bundle, Candidates, Obstacles, Outline};
 use super::plan::{Job, Plan};
 use super::rayset::{Lap, RaySet};
 use super::round::{RoundKernel, onto_round, round};
 use super::tally::{SPILLED, Tally, cell_of};
-use super::verdict::{BLOCKED, FREE, SHADED, Sight, VerdictKernel, verdicts};
+use super::verdict::{BLOCKED, DOUBTFUL, FREE, SHADED, Sight, VerdictKernel, verdicts};
 use crate::element::Element;
 use crate::parallel::{Going, over_tasks};
 use crate::receiver::Receiver;
@@ -46,14 +47,15 @@ impl Tracer<'_> {
             return;
         };
         let elements = self.scene.elements;
-        let receiver = (
-            self.scene.receiver.centre_m(),
-            self.scene.receiver.radius_m(),
-        );
+        let ends_of = |element: &Element| {
+            let normal = element.normal();
+            let middle = sub(scale(normal, 2.0 * dot(normal, self.sun)), self.sun);
+            Ends::new(self.scene.receiver, middle, element.centroid_m())
+        };
         let [sun_reach, slope_reach] = self.set.reach;
         let bundles_of = |element: &Element| {
             let (normal, from) = (element.normal(), element.centroid_m());
-            let cosine = dot(normal, self.sun);
+            let ends = ends_of(element);
             let distance = |p: &Vector| norm(sub(*p, from));
             let to_sun = Bundle {
                 outline: Outline::of(element),
@@ -65,9 +67,9 @@ impl Tracer<'_> {
                 length_m: f64::INFINITY,
             };
             let reflected = Bundle {
-                toward: sub(scale(normal, 2.0 * cosine), self.sun),
+                toward: ends.middle,
                 spread: sun_reach + 2.0 * slope_reach,
-                length_m: norm(sub(receiver.0, from)) + receiver.1,
+                length_m: ends.far_m,
                 ..to_sun
             };
             (to_sun, reflected)
@@ -86,7 +88,20 @@ impl Tracer<'_> {
                 obstacles.touched(&reflected, mirror),
             );
             let of = |element: &Element| match lit(element).then(|| found.next()).flatten() {
-                Some((shaders, blockers)) => Candidates { shaders, blockers },
+                Some((shaders, mut blockers)) => {
+                    let ends = ends_of(element);
+                    let (from, near_m) = (element.centroid_m(), ends.near_m);
+                    let sure = if ends.is_flat {
+                        blockers.len()
+                    } else {
+                        obstacles.sure_first(&mut blockers, from, ends.middle, near_m)
+                    };
+                    Candidates {
+                        shaders,
+                        blockers,
+                        sure,
+                    }
+                }
                 None => Candidates::default(),
             };
             together.iter().map(of).collect::<Vec<_>>()
@@ -269,12 +284,7 @@ impl Tracer<'_> {
         found.resize(pass.a.len(), FREE);
         let element = &self.scene.elements[job.element as usize];
         let origin = element.centroid_m();
-        // Rays end in the plane of the receiver, or across its middle.
-        let (gate, through) = match self.scene.receiver {
-            Receiver::Plane(plane) => (plane.normal(), plane.centre_m()),
-            other => (cone.middle, other.centre_m()),
-        };
-        let gate_offset = dot(gate, sub(through, origin));
+        let ends = Ends::new(self.scene.receiver, cone.middle, origin);
         if candidates.fit_lanes() {
             let single = |v: Vector| v.map(|x| x as f32);
             let sight = Sight {
@@ -288,17 +298,31 @@ impl Tracer<'_> {
                 middle: single(cone.middle),
                 along: cone.along.map(single),
                 slope: cone.slope.map(single),
-                gate: single(gate),
-                gate_offset: gate_offset as f32,
+                gate: single(ends.gate),
+                gate_offset: ends.gate_offset_m as f32,
+                far: ends.far_m as f32,
             };
+            let (sure, doubtful) = candidates.blockers.split_at(candidates.sure);
             let kernel = VerdictKernel {
                 sight: &sight,
                 pass: *pass,
                 shaders: &obstacles.screens(&candidates.shaders, origin),
-                blockers: &obstacles.screens(&candidates.blockers, origin),
+                blockers: &obstacles.screens(sure, origin),
+                doubtful: &obstacles.screens(doubtful, origin),
                 verdicts: found,
             };
             verdicts(self.level, kernel);
+            if doubtful.is_empty() {
+                return;
+            }
+            for (ray, verdict) in found.iter_mut().enumerate() {
+                if *verdict == DOUBTFUL {
+                    let (from, direction) = one_ray(&job.piece, cone, lap, pass, ray);
+                    let is_met = |end| obstacles.is_any_met(doubtful, from, direction, end);
+                    let is_cut = ends.is_cut(from, direction, is_met);
+                    *verdict = if is_cut { BLOCKED } else { FREE };
+                }
+            }
             return;
         }
         for (ray, verdict) in found.iter_mut().enumerate() {
@@ -310,11 +334,11 @@ impl Tracer<'_> {
             let to_sun = strays.into_iter().fold(cone.sun, |sum, (by, along)| {
                 add(sum, scale(along, f64::from(by)))
             });
-            let end = (gate_offset - dot(gate, sub(from, origin))) / dot(gate, direction);
             let mirror = element.mirror();
+            let is_met = |end| obstacles.is_met(from, direction, end, mirror);
             if obstacles.is_met(from, to_sun, f64::INFINITY, mirror) {
                 *verdict = SHADED;
-            } else if obstacles.is_met(from, direction, end, mirror) {
+            } else if ends.is_cut(from, direction, is_met) {
                 *verdict = BLOCKED;
             }
         }

@@ -11,6 +11,8 @@ pub(crate) const FREE: u32 = 0;
 pub(crate) const SHADED: u32 = 1;
 /// A ray that another mirror keeps from the receiver.
 pub(crate) const BLOCKED: u32 = 2;
+/// A ray that another mirror keeps from the receiver unless it arrives first.
+pub(crate) const DOUBTFUL: u32 = 3;
 
 /// An obstacle: a convex polygon, with places relative to the element's centroid.
 #[derive(Debug, Clone, Copy)]
@@ -35,9 +37,10 @@ pub(crate) struct Sight {
     pub middle: [f32; 3],
     pub along: [[f32; 3]; 2],
     pub slope: [[f32; 3]; 2],
-    /// Where rays end: the plane of these.
+    /// Where rays end: the plane of these, or so far along the middle ray.
     pub gate: [f32; 3],
     pub gate_offset: f32,
+    pub far: f32,
 }
 
 /// Says of each ray whether another mirror stands in its way.
@@ -46,6 +49,8 @@ pub(crate) struct VerdictKernel<'a> {
     pub pass: Pass<'a>,
     pub shaders: &'a [Screen],
     pub blockers: &'a [Screen],
+    /// Blockers that may be behind where a ray lands.
+    pub doubtful: &'a [Screen],
     pub verdicts: &'a mut [u32],
 }
 
@@ -128,12 +133,16 @@ impl Kernel for VerdictKernel<'_> {
             let out = shifted(slope, gx, gy, shifted(along, dx, dy, middle));
             let end = c(self.sight.gate_offset)
                 .sub(dot(gate, origin))
-                .div(dot(gate, out));
+                .div(dot(gate, out))
+                .min(c(self.sight.far).sub(dot(middle, origin)));
             let reflected = Ray {
                 origin,
                 direction: out,
                 end,
             };
+            for screen in self.doubtful {
+                verdict = L::Singles::select(reflected.meets(screen), c(DOUBTFUL as f32), verdict);
+            }
             for screen in self.blockers {
                 verdict = L::Singles::select(reflected.meets(screen), c(BLOCKED as f32), verdict);
             }
