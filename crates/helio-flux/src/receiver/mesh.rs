@@ -196,7 +196,7 @@ mod tests {
         for k in 0..500 {
             let part = |n| crate::sampling::part(crate::sampling::hash(k, n));
             let direction = [part(1) - 0.5, part(2) - 0.5, part(3) - 0.5];
-            let origin = scale(direction, -9.0 / crate::vector::norm(direction));
+            let origin = scale(direction, -9.0 / norm(direction));
             let origin = add(origin, [0.0, 0.5 * part(4), 0.0]);
             let hit = mesh.hit(origin, direction);
             let one_by_one = triangles
@@ -205,7 +205,7 @@ mod tests {
                 .fold(f64::INFINITY, f64::min);
             assert_eq!(hit.map_or(f64::INFINITY, |hit| hit.along), one_by_one);
             if let Some(hit) = hit {
-                let radius = crate::vector::norm(hit.point_m);
+                let radius = norm(hit.point_m);
                 assert!((0.985..=1.0 + 1e-12).contains(&radius), "{radius}");
             }
         }
