@@ -8,6 +8,10 @@ use helio_flux::mesh::{Limits, Mesh, ReadError, ReadOptions, Vectors, csv, frd, 
 
 use crate::error::{IoError, Place, Problem};
 
+mod matching;
+
+use matching::Moved;
+
 /// Where a mesh stands, and how to read it.
 #[derive(Debug, Clone, Copy)]
 pub struct MeshFiles<'a> {
@@ -15,8 +19,9 @@ pub struct MeshFiles<'a> {
     pub mesh: &'a Path,
     /// With a table of nodes: the table of elements.
     pub elements: Option<&'a Path>,
-    /// One unit of length of the files \[m\].
-    pub metres_per_unit: f64,
+    /// One unit of length of the files \[m\]. `None` will do for tables whose columns end in `_m` or `_mm`: the
+    /// other formats do not say it.
+    pub metres_per_unit: Option<f64>,
     /// Name of the vectors that are displacements, in files that have names; `None` for the usual ones.
     pub vectors: Option<&'a str>,
 }
@@ -138,7 +143,7 @@ fn wrong(error: &ReadError) -> IoError {
 /// let folder = tempfile::tempdir()?;
 /// let path = folder.path().join("plate.inp");
 /// std::fs::write(&path, "*NODE\n1,0,0,0\n2,1000,0,0\n3,0,1000,0\n*ELEMENT,TYPE=S3\n1,1,2,3\n")?;
-/// let files = MeshFiles { mesh: &path, elements: None, metres_per_unit: 0.001, vectors: None };
+/// let files = MeshFiles { mesh: &path, elements: None, metres_per_unit: Some(0.001), vectors: None };
 /// let loaded = load_mesh(&files)?;
 /// assert_eq!(loaded.mesh.position_m()[1], [1.0, 0.0, 0.0]);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -148,7 +153,7 @@ pub fn load_mesh(files: &MeshFiles<'_>) -> Result<LoadedMesh, IoError> {
     let bytes = read(path)?;
     let kind = Kind::of(path, &bytes)?;
     let name = path.to_string_lossy();
-    let options = options(path, files.metres_per_unit)?;
+    let options = options(path, &bytes, kind, files.metres_per_unit)?;
     let vectors = files.vectors.map_or(Vectors::Displacement, Vectors::Named);
     let mut all = vec![path.to_path_buf()];
     if let Some(elements) = files.elements
@@ -197,30 +202,54 @@ pub fn load_mesh(files: &MeshFiles<'_>) -> Result<LoadedMesh, IoError> {
     Ok(LoadedMesh { mesh, files: all })
 }
 
-fn options(path: &Path, metres_per_unit: f64) -> Result<ReadOptions, IoError> {
+fn options(
+    path: &Path,
+    bytes: &[u8],
+    kind: Kind,
+    metres_per_unit: Option<f64>,
+) -> Result<ReadOptions, IoError> {
+    // A model in millimetres is as likely as one in metres: no guess.
+    if metres_per_unit.is_none() && (kind != Kind::Csv || has_bare_lengths(bytes)) {
+        let problem = Problem::Missing {
+            what: "the unit of its lengths".into(),
+            wanted: "the file does not say it: `unit` (m, cm, mm or in) in [mirror] of the scene or --unit; of a \
+                     receiver's file, `unit` in [receiver]"
+                .into(),
+        };
+        return Err(IoError::new(Place::file(path), problem));
+    }
+    let metres_per_unit = metres_per_unit.unwrap_or(1.0);
     ReadOptions::in_units_of(metres_per_unit).map_err(|error| {
         let message = error.to_string();
         IoError::new(Place::file(path), Problem::Conflict { message })
     })
 }
 
+/// Whether a table has a column of lengths without a unit.
+fn has_bare_lengths(bytes: &[u8]) -> bool {
+    let head = bytes.split(|&b| b == b'\n').next().unwrap_or(bytes);
+    let mut names = head.split(|&b| b == b',').map(<[u8]>::trim_ascii);
+    names.any(|name| matches!(name, b"x" | b"y" | b"z" | b"ux" | b"uy" | b"uz"))
+}
+
 /// Reads the displacements that a solver wrote into another file and gives them to the nodes of a mesh by their
-/// numbers. `step` is the number of the step in an `.frd`; without it the last that is no eigenmode counts.
+/// numbers, or where points have none (VTK) by where they are. Files that say where their nodes are (all but CSV)
+/// must agree with the mesh, to 1e-6 of its extent and 1e-5 of each coordinate. `step` is the number of the step in an `.frd`; without it the last that is no eigenmode counts.
 ///
 /// # Errors
 /// [`IoError`] with file and line for a file that cannot be read or breaks its format, without displacements, or
-/// none of whose nodes the mesh has; and for a `step` with another format than `.frd`.
+/// none of whose nodes the mesh has; for a node that is elsewhere in the mesh; and for a `step` with another format than `.frd`.
 pub fn displace_mesh(
     mesh: &mut Mesh,
     path: &Path,
     step: Option<u64>,
-    metres_per_unit: f64,
+    metres_per_unit: Option<f64>,
     vectors: Option<&str>,
 ) -> Result<MatchedNodes, IoError> {
     let bytes = read(path)?;
     let kind = Kind::of(path, &bytes)?;
     let name = path.to_string_lossy();
-    let options = options(path, metres_per_unit)?;
+    let options = options(path, &bytes, kind, metres_per_unit)?;
     let refuse = |message: String| {
         let problem = Problem::Conflict { message };
         IoError::new(Place::file(path), problem)
@@ -228,7 +257,7 @@ pub fn displace_mesh(
     if step.is_some() && kind != Kind::Frd {
         return Err(refuse("steps are told apart in .frd files only".to_owned()));
     }
-    let (ids, moved) = match kind {
+    let moved = match kind {
         Kind::Inp => {
             return Err(refuse(
                 "an .inp holds no displacements; wanted what the solver wrote, such as an .frd"
@@ -239,12 +268,23 @@ pub fn displace_mesh(
             let step = step.map_or(frd::Step::Last, frd::Step::Number);
             let moved =
                 frd::displacements(&name, &bytes, step, &options).map_err(|error| wrong(&error))?;
-            (moved.node_ids().to_vec(), moved.displacement_m().to_vec())
+            let places = frd::positions(&name, &bytes, &options).map_err(|error| wrong(&error))?;
+            let places: HashMap<u64, [f64; 3]> = places.into_iter().collect();
+            let at = |id| places.get(id).copied();
+            Moved {
+                node_ids: moved.node_ids().to_vec(),
+                displacement_m: moved.displacement_m().to_vec(),
+                position_m: moved.node_ids().iter().map(at).collect(),
+            }
         }
         Kind::Csv => {
             let moved =
                 csv::displacements(&name, &bytes, &options).map_err(|error| wrong(&error))?;
-            (moved.node_ids().to_vec(), moved.displacement_m().to_vec())
+            Moved {
+                node_ids: moved.node_ids().to_vec(),
+                displacement_m: moved.displacement_m().to_vec(),
+                position_m: Vec::new(),
+            }
         }
         Kind::Gmsh | Kind::Vtk => {
             let vectors = vectors.map_or(Vectors::Displacement, Vectors::Named);
@@ -254,48 +294,29 @@ pub fn displace_mesh(
             };
             let other = other.map_err(|error| wrong(&error))?;
             let Some(moved) = other.displacement_m() else {
-                return Err(refuse("it holds no displacements of the nodes".to_owned()));
+                let known: Vec<_> = other.other_vectors().iter().take(8).cloned().collect();
+                return Err(refuse(format!(
+                    "it holds no displacements of the nodes; its vectors are [{}], and --vectors names one",
+                    known.join(", ")
+                )));
             };
-            (other.node_ids().to_vec(), moved.to_vec())
+            Moved {
+                node_ids: other.node_ids().to_vec(),
+                displacement_m: moved.to_vec(),
+                position_m: other.position_m().iter().map(|at| Some(*at)).collect(),
+            }
         }
     };
-    let matched = give(mesh, &ids, &moved);
+    let matched = if kind == Kind::Vtk {
+        matching::by_position(mesh, &moved)
+    } else {
+        matching::by_number(mesh, &moved)
+    };
+    let matched = matched.map_err(refuse)?;
     if matched.known == 0 {
         return Err(refuse("none of its nodes is one of the mesh".to_owned()));
     }
     Ok(matched)
-}
-
-/// Gives nodes their displacements by their numbers.
-fn give(mesh: &mut Mesh, ids: &[u64], moved: &[[f64; 3]]) -> MatchedNodes {
-    let rows: HashMap<u64, usize> = mesh
-        .node_ids()
-        .iter()
-        .enumerate()
-        .map(|(row, id)| (*id, row))
-        .collect();
-    let mut displacement_m = vec![[f64::NAN; 3]; rows.len()];
-    let mut matched = MatchedNodes::default();
-    for (id, by_m) in ids.iter().zip(moved) {
-        if by_m.iter().any(|x| x.is_nan()) {
-            continue;
-        }
-        match rows.get(id) {
-            Some(&row) => {
-                displacement_m[row] = *by_m;
-                matched.known += 1;
-            }
-            None => matched.unknown.push(*id),
-        }
-    }
-    let each = mesh.node_ids().iter().zip(&displacement_m);
-    matched.without = each
-        .filter(|(_, by)| by[0].is_nan())
-        .map(|(id, _)| *id)
-        .collect();
-    // One entry per node, as made above.
-    let _ = mesh.set_displacements_m(displacement_m);
-    matched
 }
 
 #[cfg(test)]
@@ -314,7 +335,7 @@ mod tests {
         MeshFiles {
             mesh,
             elements: None,
-            metres_per_unit: 1.0,
+            metres_per_unit: Some(1.0),
             vectors: None,
         }
     }
@@ -337,7 +358,7 @@ mod tests {
         };
         let mut loaded = load_mesh(&wanted).unwrap();
         assert_eq!(loaded.files.len(), 2);
-        let matched = displace_mesh(&mut loaded.mesh, &at("u.csv"), None, 1.0, None).unwrap();
+        let matched = displace_mesh(&mut loaded.mesh, &at("u.csv"), None, Some(1.0), None).unwrap();
         assert_eq!(
             (matched.without, matched.unknown, matched.known),
             (vec![3], vec![9], 2)
@@ -358,27 +379,124 @@ mod tests {
         assert!(error.contains("one of .inp, .frd, .msh"), "{error}");
     }
 
+    /// `VTK`, its points in this order, each with its own displacement.
+    fn vtk(rows: [usize; 3]) -> String {
+        let points = ["0 0 0 ", "1 0 0 ", "0 1 0 "];
+        let by = ["0 0 0 ", "0 .1 0 ", "0 0 .2 "];
+        let of = |all: [&str; 3]| rows.map(|row| all[row]).concat();
+        format!(
+            "# vtk DataFile Version 3.0\nm\nASCII\nDATASET POLYDATA\nPOINTS 3 float\n{}\nPOLYGONS 1 4\n3 0 1 2\n\
+             POINT_DATA 3\nVECTORS displacement float\n{}\n",
+            of(points),
+            of(by)
+        )
+    }
+
     #[test]
-    fn displacements_of_another_mesh_file_are_taken_by_numbers() {
-        // points of VTK count from 0: two of the three are known here
+    fn points_without_numbers_are_known_by_where_they_are() {
+        let (in_order, turned) = (vtk([0, 1, 2]), vtk([2, 0, 1]));
+        let elsewhere = in_order.replace("0 0 0 1 0 0 0 1 0", "5 0 0 6 0 0 5 1 0");
         let folder = folder(&[
             ("a.inp", INP),
-            ("r.vtk", VTK),
+            ("r.vtk", &in_order),
+            ("t.vtk", &turned),
+            ("e.vtk", &elsewhere),
             ("x.csv", "node,ux_m,uy_m,uz_m\n7,0,0,0\n"),
         ]);
         let at = |name: &str| folder.path().join(name);
         let mut mesh = load_mesh(&files(&at("a.inp"))).unwrap().mesh;
-        let matched = displace_mesh(&mut mesh, &at("r.vtk"), None, 0.5, None).unwrap();
-        assert_eq!((matched.without, matched.unknown), (vec![3], vec![0]));
-        let by_m = mesh.displacement_m().unwrap()[0][2];
-        assert!((by_m - 0.05).abs() < 1e-8, "{by_m}");
-        let mut said = |name: &str, step| {
-            let error = displace_mesh(&mut mesh, &at(name), step, 1.0, None);
+        for name in ["r.vtk", "t.vtk"] {
+            let matched = displace_mesh(&mut mesh, &at(name), None, Some(1.0), None).unwrap();
+            assert_eq!((matched.known, matched.unknown.len()), (3, 0), "{name}");
+            let by_m = mesh.displacement_m().unwrap();
+            let good = |row: usize, axis: usize, m: f64| (by_m[row][axis] - m).abs() < 1e-8;
+            assert_eq!(by_m[0], [0.0; 3], "{name}");
+            assert!(good(1, 1, 0.1) && good(2, 2, 0.2), "{name} {by_m:?}");
+        }
+        let mut said = |name: &str, step, unit| {
+            let error = displace_mesh(&mut mesh, &at(name), step, Some(unit), None);
             error.unwrap_err().to_string()
         };
-        assert!(said("r.vtk", Some(2)).contains("in .frd files only"));
-        assert!(said("a.inp", None).contains("holds no displacements"));
-        assert!(said("x.csv", None).contains("none of its nodes"));
+        let error = said("e.vtk", None, 1.0);
+        assert!(
+            error.contains("[5.000000, 0.000000, 0.000000] m, and node 1 at [0.0"),
+            "{error}"
+        );
+        assert!(said("r.vtk", Some(2), 1.0).contains("in .frd files only"));
+        assert!(said("a.inp", None, 1.0).contains("holds no displacements"));
+        assert!(said("x.csv", None, 1.0).contains("none of its nodes"));
+    }
+
+    #[test]
+    fn two_points_at_one_place_with_two_displacements_are_no_one_node() {
+        let twice = vtk([0, 1, 2]).replace("0 0 0 1 0 0 0 1 0", "1 0 0 1 0 0 0 1 0");
+        let folder = folder(&[("a.inp", INP), ("r.vtk", &twice)]);
+        let at = |name: &str| folder.path().join(name);
+        let mut mesh = load_mesh(&files(&at("a.inp"))).unwrap().mesh;
+        let error = displace_mesh(&mut mesh, &at("r.vtk"), None, Some(1.0), None).unwrap_err();
+        assert!(error.to_string().contains("which is node 2"), "{error}");
+    }
+
+    #[test]
+    fn results_of_another_mesh_with_the_same_numbers_are_refused() {
+        let results = |x: &str| {
+            let nodes = format!(
+                "    1C\n    2C                             3                                     1\n \
+                 -1         1 0.00000E+00 0.00000E+00 0.00000E+00\n \
+                 -1         2 {x} 0.00000E+00 0.00000E+00\n \
+                 -1         3 0.00000E+00 1.00000E+00 0.00000E+00\n -3\n"
+            );
+            let head =
+                "  100CL  101 1.000000000           3                     0    1           1\n";
+            let rows =
+                (1..=3).map(|id| format!(" -1         {id} 0.00000E+00 0.00000E+00 1.00000E-03\n"));
+            let block = rows.collect::<String>();
+            format!("{nodes}{head} -4  DISP        4    1\n{block} -3\n 9999\n")
+        };
+        // the last digit of an .frd is no other mesh
+        let folder = folder(&[
+            ("a.inp", INP),
+            ("same.frd", &results("9.99995E-01")),
+            ("other.frd", &results("1.10000E+00")),
+        ]);
+        let at = |name: &str| folder.path().join(name);
+        let mut mesh = load_mesh(&files(&at("a.inp"))).unwrap().mesh;
+        let matched = displace_mesh(&mut mesh, &at("same.frd"), None, Some(1.0), None).unwrap();
+        assert_eq!(matched.known, 3);
+        let error = displace_mesh(&mut mesh, &at("other.frd"), None, Some(1.0), None).unwrap_err();
+        let wanted = "node 2 is at [1.100000, 0.000000, 0.000000] m here and at [1.000000, 0.0";
+        assert!(error.to_string().contains(wanted), "{error}");
+    }
+
+    #[test]
+    fn no_unit_is_guessed() {
+        let bare = NODES.replace("_m", "");
+        let folder = folder(&[
+            ("a.inp", INP),
+            ("n.csv", NODES),
+            ("b.csv", &bare),
+            ("e.csv", ELEMENTS),
+        ]);
+        let (elements, at) = (folder.path().join("e.csv"), |name: &str| {
+            folder.path().join(name)
+        });
+        let load = |name: &str, elements: Option<&Path>| {
+            let path = at(name);
+            let files = MeshFiles {
+                elements,
+                metres_per_unit: None,
+                ..files(&path)
+            };
+            load_mesh(&files).map_err(|error| error.to_string())
+        };
+        for (name, elements) in [("a.inp", None), ("b.csv", Some(&*elements))] {
+            let error = load(name, elements).unwrap_err();
+            assert!(
+                error.contains("unit of its lengths is missing") && error.contains("--unit"),
+                "{error}"
+            );
+        }
+        assert_eq!(load("n.csv", Some(&elements)).unwrap().mesh.len(), 1);
     }
 
     #[test]

@@ -359,6 +359,7 @@ impl Builder {
             element_sets,
             surfaces,
             faults,
+            vectors: Vec::new(),
         })
     }
 }

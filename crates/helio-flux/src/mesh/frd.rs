@@ -109,6 +109,44 @@ pub fn displacements(
     })
 }
 
+/// Reads the numbers of the nodes and where they are \[m\], to six digits; empty for results without them.
+/// `file` is the name in messages.
+///
+/// # Errors
+/// [`ReadError`] for a file that breaks the format or is binary.
+///
+/// ```
+/// use helio_flux::mesh::{ReadOptions, frd};
+/// let results = b"    1C\n    2C                             1                                     1\n \
+///     -1         7 1.00000E+00 0.00000E+00 2.00000E+00\n -3\n 9999\n";
+/// let nodes = frd::positions("beam.frd", results, &ReadOptions::default())?;
+/// assert_eq!(nodes, [(7, [1.0, 0.0, 2.0])]);
+/// # Ok::<(), helio_flux::mesh::ReadError>(())
+/// ```
+pub fn positions(
+    file: &str,
+    bytes: &[u8],
+    options: &ReadOptions,
+) -> Result<Vec<(u64, [f64; 3])>, ReadError> {
+    let source = Source { file, options };
+    source.check_bytes(bytes)?;
+    let mut lines = Lines::new(bytes);
+    let mut nodes = Vec::new();
+    while let Some(text) = lines.next() {
+        if key(text) == b"2" {
+            refuse_binary(&source, lines.line(), text, 73)?;
+            let columns = id_columns(text, 73);
+            points(&source, &mut lines, columns, "the nodes", |_, id, at_m| {
+                let count = nodes.len() as u64 + 1;
+                source.at_most("nodes", count, source.options.limits.nodes)?;
+                nodes.push((id, at_m));
+                Ok(())
+            })?;
+        }
+    }
+    Ok(nodes)
+}
+
 /// Reads nodes and elements; `file` is the name in messages.
 ///
 /// For a model of which the input is lost. The positions have six digits.

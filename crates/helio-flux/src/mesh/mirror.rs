@@ -11,6 +11,8 @@ use crate::vector::{Vector, cross, dot, norm, scale, sub, unit};
 mod facets;
 mod outer;
 
+pub use outer::LeftAside;
+
 /// Which part of a mesh is the mirror.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
@@ -109,7 +111,9 @@ pub struct Mirror {
     faces: Vec<MirrorFace>,
     facets: u32,
     unusable: Fault,
+    covered: u64,
     rewound: Fault,
+    left_aside: LeftAside,
 }
 
 impl Mirror {
@@ -150,6 +154,19 @@ impl Mirror {
         &self.unusable
     }
 
+    /// How many of [`unusable`](Self::unusable) miss nothing: their face is that of an element before.
+    #[must_use]
+    pub const fn covered(&self) -> u64 {
+        self.covered
+    }
+
+    /// Outer faces of solids that are turned to the sun and belong to no patch that counts; none for a
+    /// surface or a node set.
+    #[must_use]
+    pub const fn left_aside(&self) -> &LeftAside {
+        &self.left_aside
+    }
+
     /// Shells whose corners run the other way round than those of their neighbours: used, turned.
     #[must_use]
     pub const fn rewound(&self) -> &Fault {
@@ -186,8 +203,9 @@ impl Mesh {
     /// Of solids the outer faces count: of each body (what hangs together by nodes) the smooth patch that
     /// takes the most light, so that neither the back of a glass nor its rims reflect. Faces of a surface
     /// or a node set are taken as they are chosen. Shells are wound like their neighbours and then, facet
-    /// by facet, turned toward the sun. Name the glass by a set of its own: a body in which glass and
-    /// supports are one has one patch.
+    /// by facet, turned toward the sun. A body has one patch, also where several facets, or glass and
+    /// supports, are one body: [`Mirror::left_aside`] counts what else of it is turned to the sun. Name the
+    /// mirror by a surface then.
     ///
     /// # Errors
     /// [`MeshError::UnknownName`], and [`MeshError::NoFaces`] if nothing usable is left.
@@ -213,17 +231,20 @@ impl Mesh {
                 None => unusable.add(self.elements[face.element as usize].id),
             }
         }
+        let mut left_aside = LeftAside::default();
         if sunny {
-            candidates = outer::sunny_sides(self, candidates, options);
+            (candidates, left_aside) = outer::sunny_sides(self, candidates, options);
         }
         // A skin of shells on the face of a solid is one mirror, not two.
         let mut seen = HashSet::with_capacity(candidates.len());
+        let mut covered = 0;
         candidates.retain(|candidate| {
             let mut key = candidate.corners;
             key[usize::from(candidate.count)..].fill(u32::MAX);
             key.sort_unstable();
             let first = seen.insert(key);
             if !first {
+                covered += 1;
                 unusable.add(self.elements[candidate.face.element as usize].id);
             }
             first
@@ -254,13 +275,14 @@ impl Mesh {
             let element = candidates[row].face.element as usize;
             rewound.add(self.elements[element].id);
         }
-        Ok(self.collect(
-            &candidates,
-            &grouped.facet,
-            grouped.facets,
+        let mirror = self.collect(&candidates, &grouped.facet, grouped.facets);
+        Ok(Mirror {
             unusable,
+            covered,
             rewound,
-        ))
+            left_aside,
+            ..mirror
+        })
     }
 
     /// The faces that a pick names, in order, and whether of solids only the sunny side is meant.
@@ -384,14 +406,7 @@ impl Mesh {
         })
     }
 
-    fn collect(
-        &self,
-        candidates: &[Candidate],
-        facet: &[u32],
-        facets: u32,
-        unusable: Fault,
-        rewound: Fault,
-    ) -> Mirror {
+    fn collect(&self, candidates: &[Candidate], facet: &[u32], facets: u32) -> Mirror {
         let mut row_of = vec![u32::MAX; self.node_ids.len()];
         for &node in candidates.iter().flat_map(Candidate::corners) {
             row_of[node as usize] = 0;
@@ -422,8 +437,10 @@ impl Mesh {
             displacement_m: self.displacement_m.as_deref().map(pick),
             faces: faces.collect(),
             facets,
-            unusable,
-            rewound,
+            unusable: Fault::default(),
+            covered: 0,
+            rewound: Fault::default(),
+            left_aside: LeftAside::default(),
         }
     }
 }

@@ -51,7 +51,7 @@ pub mod vtk;
 
 pub use error::{MeshError, ReadError, ReadProblem};
 pub use faults::{ElementStatus, Fault, Faults};
-pub use mirror::{Mirror, MirrorFace, MirrorOptions, Pick};
+pub use mirror::{LeftAside, Mirror, MirrorFace, MirrorOptions, Pick};
 pub use options::{Limits, ReadOptions};
 pub use shape::Shape;
 pub use vectors::Vectors;
@@ -71,6 +71,7 @@ pub struct Mesh {
     element_sets: BTreeMap<String, Named<u32>>,
     surfaces: BTreeMap<String, Named<Face>>,
     faults: Faults,
+    vectors: Vec<String>,
 }
 
 /// An element by its corners.
@@ -138,6 +139,13 @@ impl Mesh {
             let corners = corners.iter().map(corner).collect();
             (element.id, element.shape, corners, status)
         })
+    }
+
+    /// Names of the vectors of the nodes in its file that were not read as displacements, the first hundred,
+    /// from formats that name them (Gmsh, VTK).
+    #[must_use]
+    pub fn other_vectors(&self) -> &[String] {
+        &self.vectors
     }
 
     /// What was found wrong with single elements.

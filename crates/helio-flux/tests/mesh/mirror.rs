@@ -238,3 +238,20 @@ fn a_skin_of_shells_is_no_second_mirror() {
         assert_eq!(normals(&mirror), [[0.0, 0.0, 1.0]]);
     }
 }
+
+// Both sides of a ridge of one solid look up, at arctan 2 each: one counts, the other is told.
+#[test]
+fn what_a_body_leaves_aside_is_counted() {
+    let ridge = mesh(
+        "*NODE\n1,0,0,0\n2,1,0,2\n3,2,0,0\n4,0,1,0\n5,1,1,2\n6,2,1,0\n*ELEMENT,TYPE=C3D6\n1,1,2,3,4,5,6\n\
+         *SURFACE,NAME=BOTH\n1,S3\n1,S4\n",
+    );
+    let up = toward([0.0, 0.0, 1.0]);
+    let mirror = ridge.mirror(&Pick::All, &up).unwrap();
+    let aside = mirror.left_aside();
+    assert_eq!(mirror.faces().len(), 1);
+    assert_eq!((aside.faces(), aside.patches()), (1, 1));
+    assert!((aside.part() - 1.0).abs() < 1e-14, "{}", aside.part());
+    let named = ridge.mirror(&Pick::Surface("BOTH"), &up).unwrap();
+    assert_eq!((named.faces().len(), named.left_aside().faces()), (2, 0));
+}

@@ -181,3 +181,31 @@ fn maps_come_back() {
     };
     assert_eq!(corners(&again), corners(&mirror));
 }
+
+// Cut before its displacements a file would be a mirror without load.
+#[test]
+fn files_that_were_cut_off_are_no_files() {
+    let whole = r#"<VTKFile type="UnstructuredGrid"><UnstructuredGrid><Piece NumberOfPoints="3" NumberOfCells="1">
+<Points><DataArray type="Float64" NumberOfComponents="3" format="ascii">0 0 0 1 0 0 0 1 0</DataArray></Points>
+<Cells><DataArray type="Int64" Name="connectivity" format="ascii">0 1 2</DataArray><DataArray type="Int64"
+Name="offsets" format="ascii">3</DataArray><DataArray type="UInt8" Name="types" format="ascii">5</DataArray></Cells>
+<PointData><DataArray type="Float64" Name="lift" NumberOfComponents="3" format="ascii">0 0 0 0 0 0 0 0 1</DataArray>
+</PointData></Piece></UnstructuredGrid></VTKFile>
+"#;
+    let read = |text: &str| {
+        let options = ReadOptions::default();
+        vtk::mesh("a.vtu", text.as_bytes(), Vectors::Displacement, &options)
+    };
+    assert_eq!(read(whole).unwrap().other_vectors(), ["lift"]);
+    let after = |mark: &str| &whole[..whole.find(mark).unwrap() + mark.len()];
+    for (mark, inside, line) in [
+        ("</Cells>\n", "Piece", 5),
+        ("<PointData>", "PointData", 5),
+        ("0 0 0 0 0 0", "DataArray", 5),
+        ("</UnstructuredGrid>", "VTKFile", 6),
+    ] {
+        let error = read(after(mark)).unwrap_err().to_string();
+        let wanted = format!("a.vtu:{line}: the file ends inside <{inside}>");
+        assert_eq!(error, wanted, "{mark}");
+    }
+}

@@ -78,7 +78,7 @@ pub(crate) static NODE_SET: Key = optional(
 pub(crate) static UNIT: Key = optional(
     "unit",
     Kind::Word(&["m", "cm", "mm", "in"]),
-    "Unit of length of the files of the mesh and its displacements. Default: m.",
+    "Unit of length of the files of the mesh and its displacements. Files of solvers carry none: required for all but tables in CSV whose columns end in _m or _mm.",
 );
 pub(crate) static CREASE: Key = optional(
     "crease_deg",

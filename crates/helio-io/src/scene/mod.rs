@@ -97,11 +97,10 @@ impl SunForm {
 }
 
 /// Unit of length of a mesh's files.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum SceneUnit {
     /// Metres.
-    #[default]
     Metre,
     /// Centimetres.
     Centimetre,
@@ -123,13 +122,13 @@ impl SceneUnit {
         }
     }
 
-    fn of(section: &Section<'_>) -> Result<Self, IoError> {
-        Ok(match section.text(&keys::UNIT)? {
-            Some("cm") => Self::Centimetre,
-            Some("mm") => Self::Millimetre,
-            Some("in") => Self::Inch,
+    fn of(section: &Section<'_>) -> Result<Option<Self>, IoError> {
+        Ok(section.text(&keys::UNIT)?.map(|unit| match unit {
+            "cm" => Self::Centimetre,
+            "mm" => Self::Millimetre,
+            "in" => Self::Inch,
             _ => Self::Metre,
-        })
+        }))
     }
 }
 
@@ -192,8 +191,8 @@ pub struct SceneMirror {
     pub error: OpticalError,
     /// Of a mesh: which part of it is the mirror.
     pub part: MirrorPart,
-    /// Of a mesh: the unit of its lengths.
-    pub unit: SceneUnit,
+    /// Of a mesh: the unit of its lengths, if it is said.
+    pub unit: Option<SceneUnit>,
     /// Of a mesh: the least angle between faces of two facets \[rad\], if it is stated.
     pub crease_rad: Option<f64>,
     /// Of a mesh: along which axis slope errors are told first, if it is stated.
@@ -380,7 +379,7 @@ fn mirror(file: &Section<'_>, of: SceneOf<'_>) -> Result<SceneMirror, IoError> {
         reflectivity: 1.0,
         error: OpticalError::NONE,
         part: MirrorPart::All,
-        unit: SceneUnit::Metre,
+        unit: None,
         crease_rad: None,
         axis: None,
         heliostat: None,

@@ -170,7 +170,7 @@ fn mesh(
     let wanted = MeshFiles {
         mesh: &path,
         elements: None,
-        metres_per_unit: unit.metres(),
+        metres_per_unit: unit.map(SceneUnit::metres),
         vectors: None,
     };
     let loaded = load_mesh(&wanted)?;
@@ -186,6 +186,15 @@ fn mesh(
         .mesh
         .mirror(&part.pick(), &toward)
         .map_err(|error| wrong(format!("{}: {error}", path.display())))?;
+    let aside = lit.left_aside();
+    if aside.part() > 0.01 {
+        warnings.push(format!(
+            "{}: {} more outer faces are turned to facing and are left aside, for of each body the patch that is widest \
+             across it counts; name the lit side by surface",
+            path.display(),
+            aside.faces()
+        ));
+    }
     let at = |node: u32| lit.position_m()[node as usize];
     let mut triangles = Vec::new();
     for face in lit.faces() {

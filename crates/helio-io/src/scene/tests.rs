@@ -45,7 +45,7 @@ fn a_scene_of_a_mesh() {
     assert_eq!(scene.sun.form, SunForm::Gaussian(0.0025));
     assert_eq!(scene.sun.toward, Some([0.0, 0.0, 2.0]));
     assert_eq!(scene.mirror.part, MirrorPart::Surface("MIRROR".into()));
-    assert_eq!(scene.mirror.unit.metres(), 0.001);
+    assert_eq!(scene.mirror.unit.map(SceneUnit::metres), Some(0.001));
     assert_eq!((scene.rays.count, scene.rays.seed), (1_000_000, 3));
     let Receiver::Plane(plane) = &scene.receiver else {
         panic!("no plane");

@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 
 use helio_flux::FluxMap;
 use helio_flux::mesh::{Fault, Faults, Mesh, Mirror, MirrorOptions};
-use helio_io::{FluxScene, MatchedNodes, MeshFiles, MirrorPart, SceneOf, displace_mesh, load_mesh};
+use helio_io::{
+    FluxScene, MatchedNodes, MeshFiles, MirrorPart, SceneOf, SceneUnit, displace_mesh, load_mesh,
+};
 use helio_report::flux::slope_figure;
 use serde_json::{Value, json};
 
@@ -56,7 +58,7 @@ pub(super) fn run(
         drawn.write()?;
     }
     outputs.summary(&found, printer)?;
-    Ok(if left_out > 0 {
+    Ok(if left_out > 0 || read.is_part_missing() {
         Outcome::SomeRowsFailed
     } else {
         Outcome::Good
@@ -86,19 +88,20 @@ impl Read {
         printer: &Printer,
     ) -> Result<Self, Failure> {
         let typed = &args.structure;
-        let unit = typed.unit.map_or(scene.mirror.unit, Into::into);
+        let unit = typed.unit.map(Into::into).or(scene.mirror.unit);
+        let metres_per_unit = unit.map(SceneUnit::metres);
         let vectors = typed.vectors.as_deref();
         let loaded = load_mesh(&MeshFiles {
             mesh: model,
             elements: typed.elements.as_deref(),
-            metres_per_unit: unit.metres(),
+            metres_per_unit,
             vectors,
         })?;
         let (mut mesh, mut files) = (loaded.mesh, loaded.files);
         let mut matched = MatchedNodes::default();
         if let Some(path) = &typed.displacements {
             files.push(path.clone());
-            matched = displace_mesh(&mut mesh, path, typed.step, unit.metres(), vectors)?;
+            matched = displace_mesh(&mut mesh, path, typed.step, metres_per_unit, vectors)?;
             warn_of_nodes(path, &matched, printer);
         }
         let loaded = mesh.displacement_m().is_some();
@@ -110,6 +113,7 @@ impl Read {
                     model.display()
                 )));
             }
+            warn_of_vectors(model, &mesh, printer);
             // Nothing moves: the mirror as it was drawn.
             mesh.set_displacements_m(vec![[0.0; 3]; mesh.node_ids().len()])?;
         }
@@ -148,6 +152,7 @@ impl Read {
                 printer.warn(format_args!("{}: {count} {what}: {fault}", model.display()));
             }
         }
+        warn_of_aside(model, &mirror, printer);
         Ok(Self {
             mesh,
             mirror,
@@ -156,6 +161,12 @@ impl Read {
             matched,
             files,
         })
+    }
+
+    /// Whether elements or faces that may belong to the mirror are not in it.
+    fn is_part_missing(&self) -> bool {
+        self.mirror.unusable().count() > self.mirror.covered()
+            || self.mirror.left_aside().part() > RIMS
     }
 
     fn say(&self, model: &Path, printer: &Printer) {
@@ -195,10 +206,44 @@ impl Read {
             "faults": faults_json(faults),
             "elements_of_other_types": faults.skipped,
             "elements_without_a_face": fault_json(self.mirror.unusable()),
+            "faces_left_aside": {
+                "count": self.mirror.left_aside().faces(),
+                "patches": self.mirror.left_aside().patches(),
+                "part_of_area": self.mirror.left_aside().part(),
+            },
             "elements_turned": fault_json(self.mirror.rewound()),
             "nodes_without_displacement": numbers_json(&self.matched.without),
             "displacements_of_unknown_nodes": numbers_json(&self.matched.unknown),
         })
+    }
+}
+
+/// Above this part of the mirror's area what is left aside is more than rims.
+const RIMS: f64 = 0.01;
+
+fn warn_of_aside(model: &Path, mirror: &Mirror, printer: &Printer) {
+    let aside = mirror.left_aside();
+    if aside.part() > RIMS {
+        printer.warn(format_args!(
+            "{}: {} of solids turned to the sun left aside (smooth patches: {}), {:.2} times the area that counts: of each body one \
+             smooth patch counts; name the mirror by a surface",
+            model.display(),
+            Counted(aside.faces() as usize, "outer face"),
+            aside.patches(),
+            aside.part()
+        ));
+    }
+}
+
+/// Vectors of an unknown name may be the load.
+fn warn_of_vectors(model: &Path, mesh: &Mesh, printer: &Printer) {
+    let names: Vec<String> = mesh.other_vectors().iter().take(NAMED).cloned().collect();
+    if !names.is_empty() {
+        printer.warn(format_args!(
+            "{}: vectors of its nodes are named [{}], and none is taken for displacements: --vectors NAME says which is",
+            model.display(),
+            names.join(", ")
+        ));
     }
 }
 

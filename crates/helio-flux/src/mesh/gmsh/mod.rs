@@ -102,6 +102,10 @@ pub fn mesh(
     if let Some(displacements) = &displacements {
         mesh.displace(displacements);
     }
+    known.retain(|name| !vectors.wants(name));
+    known.dedup();
+    known.truncate(100);
+    mesh.vectors = known;
     Ok(mesh)
 }
 

@@ -157,6 +157,9 @@ impl Grid {
         }
         let points = self.points_m.len();
         let mut mesh = builder.finish(source)?;
+        let mut names = self.vectors;
+        names.retain(|name| !vectors.wants(name));
+        mesh.vectors = names;
         if self.has_moved {
             if self.moved_m.len() != points {
                 let wanted = format!("{points}, one per point");

@@ -117,6 +117,7 @@ impl<'a> File<'a> {
         let mut part = String::new();
         let mut open: Option<(Array<'a>, usize)> = None;
         let mut is_file = false;
+        let mut inside: Vec<String> = Vec::new();
         loop {
             let at = usize::try_from(reader.buffer_position()).unwrap_or(bytes.len());
             let event = reader.read_event().map_err(|error| {
@@ -125,9 +126,13 @@ impl<'a> File<'a> {
             })?;
             let after = usize::try_from(reader.buffer_position()).unwrap_or(bytes.len());
             let (element, empty) = match &event {
-                Event::Start(element) => (element, false),
+                Event::Start(element) => {
+                    inside.push(element.name().as_ref().to_owned());
+                    (element, false)
+                }
                 Event::Empty(element) => (element, true),
                 Event::End(element) => {
+                    inside.pop();
                     if element.name().as_ref() == "DataArray"
                         && let Some((mut array, from)) = open.take()
                     {
@@ -143,7 +148,14 @@ impl<'a> File<'a> {
                     }
                     continue;
                 }
-                Event::Eof => break,
+                Event::Eof => {
+                    // A file that was cut off can have lost its displacements.
+                    if let Some(name) = inside.pop() {
+                        let inside = format!("<{name}>");
+                        return Err(self.error(bytes.len(), ReadProblem::Ended { inside }));
+                    }
+                    break;
+                }
                 _ => continue,
             };
             match element.name().as_ref() {
