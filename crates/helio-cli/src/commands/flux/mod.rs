@@ -190,7 +190,8 @@ fn settled(scene: &FluxScene, map: &FluxMap, other: &FluxMap) -> Result<(), Fail
         .enumerate()
         .map(|(bin, (one, other))| scene.receiver.bin_area_m2(bin) * (one - other).abs())
         .sum();
-    if apart_w <= SETTLED * reflected_w {
+    let surplus_w = account.received_w - reflected_w;
+    if apart_w <= SETTLED * reflected_w && surplus_w <= 0.5 * SETTLED * reflected_w {
         return Ok(());
     }
     let points = scene.rays.points;
