@@ -187,7 +187,7 @@ fn mesh(
         .mirror(&part.pick(), &toward)
         .map_err(|error| wrong(format!("{}: {error}", path.display())))?;
     let aside = lit.left_aside();
-    if aside.part() > 0.01 {
+    if aside.part() > 0.03 {
         warnings.push(format!(
             "{}: {} more outer faces are turned to facing and are left aside, for of each body the patch that is widest \
              across it counts; name the lit side by surface",

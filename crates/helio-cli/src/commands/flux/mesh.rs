@@ -219,7 +219,7 @@ impl Read {
 }
 
 /// Above this part of the mirror's area what is left aside is more than rims.
-const RIMS: f64 = 0.01;
+const RIMS: f64 = 0.03;
 
 fn warn_of_aside(model: &Path, mirror: &Mirror, printer: &Printer) {
     let aside = mirror.left_aside();
