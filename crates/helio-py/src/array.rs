@@ -12,6 +12,7 @@ use pyo3::sync::PyOnceLock;
 use pyo3::types::PyFloat;
 
 use crate::failure::Failure;
+use crate::guard::guarded;
 
 /// Real numbers from Python, contiguous.
 pub(crate) struct Numbers<'py> {
@@ -149,4 +150,10 @@ pub(crate) fn owned_or_number<'py>(
         return Ok(array.get_item(pyo3::types::PyTuple::empty(py))?);
     }
     Ok(array)
+}
+
+/// Where the numbers of an array are read from, for the test that they are not copied.
+#[pyfunction]
+pub(crate) fn _address_read(value: &Bound<'_, PyAny>) -> PyResult<usize> {
+    guarded(|| Ok(Numbers::of(value, "value")?.as_slice()?.as_ptr().addr()))
 }

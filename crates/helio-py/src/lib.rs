@@ -38,6 +38,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(forward::forward, module)?)?;
     module.add_function(wrap_pyfunction!(sun::sun_position, module)?)?;
     module.add_function(wrap_pyfunction!(sun::_parse_time, module)?)?;
+    module.add_function(wrap_pyfunction!(array::_address_read, module)?)?;
     module.add_function(wrap_pyfunction!(guard::_panic, module)?)?;
     Ok(())
 }
