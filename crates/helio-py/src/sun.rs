@@ -64,7 +64,7 @@ pub(crate) struct Clock {
 /// >>> import numpy as np
 /// >>> sun = hp.sun_position("2026-06-21T12:00:00+02:00", 37.4, -6.25, elevation_m=20)
 /// >>> print(np.degrees(sun.elevation_rad).round(4))
-/// 60.5436
+/// 55.6979
 #[pyfunction]
 #[pyo3(signature = (times, latitude_deg, longitude_deg, *, elevation_m=None, pressure_hpa=None, temperature_c=None, delta_t_s=None, ut1_utc_s=None),
     text_signature = "(times, latitude_deg, longitude_deg, *, elevation_m=0.0, pressure_hpa=None, temperature_c=None, delta_t_s=None, ut1_utc_s=0.0)")]

@@ -27,9 +27,9 @@ mod tracking;
 const BRIEF_ROWS: usize = 2048;
 /// Rows from which threads share the work.
 const SHARED_ROWS: usize = 48 * 1024;
-/// Rows computed between two looks at whether the user wants to stop: some hundredths of a second, at
-/// worst, on a processor without wide instructions, some tenths.
-const ROWS_PER_LOOK: usize = 4 << 20;
+/// Rows computed between two looks at whether the user wants to stop: some milliseconds, and even without wide
+/// instructions and with the most iterations of an offset well below a second.
+const ROWS_PER_LOOK: usize = 1 << 20;
 
 /// Axis angles of every heliostat of a field, for one sun or many.
 ///

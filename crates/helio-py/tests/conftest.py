@@ -6,10 +6,9 @@ import os
 import shutil
 from pathlib import Path
 
+import helio_py as hp
 import numpy as np
 import pytest
-
-import helio_py as hp
 
 ROOT = Path(__file__).resolve().parents[3]
 

@@ -10,10 +10,9 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
+import helio_py as hp
 import numpy as np
 import pytest
-
-import helio_py as hp
 
 TOLERANCE_RAD = 1e-13
 
@@ -103,7 +102,7 @@ def test_the_report_s_example() -> None:
 
 
 def run(command_line: str, *arguments: str) -> list[dict[str, str]]:
-    done = subprocess.run([command_line, "-q", *arguments], capture_output=True, text=True, check=False)
+    done = subprocess.run([command_line, *arguments, "-q"], capture_output=True, text=True, check=False)
     assert done.returncode in (0, 1), done.stderr
     return list(csv.DictReader(io.StringIO(done.stdout)))
 

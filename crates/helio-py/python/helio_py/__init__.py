@@ -44,7 +44,6 @@ from helio_py._errors import (
     TimeError,
     TrackError,
     UnknownNameError,
-
 )
 from helio_py._native import Drive, Field, Tracking, __version__, _optimised, forward, sun_position, track
 from helio_py._status import Status, status_words
@@ -85,7 +84,6 @@ __all__ = [
     "TrackError",
     "Tracking",
     "UnknownNameError",
-
     "__version__",
     "forward",
     "status_words",

@@ -38,6 +38,7 @@ def sun_position(
     delta_t_s: float | None = None,
     ut1_utc_s: float = 0.0,
 ) -> SunPosition: ...
+
 @final
 class Field:
     def __new__(

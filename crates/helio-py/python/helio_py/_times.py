@@ -15,7 +15,7 @@ from helio_py._errors import DataTypeError, TimeError
 from helio_py._native import _parse_time
 
 _NAIVE = "a time without a zone is refused; give it one (UTC, if it is that)"
-_EPOCH = dt.datetime(1970, 1, 1, tzinfo=dt.timezone.utc)
+_EPOCH = dt.datetime(1970, 1, 1, tzinfo=dt.UTC)
 _MICROSECOND = dt.timedelta(microseconds=1)
 _RANGE = "it must lie between the years 1678 and 2262"
 
@@ -109,7 +109,7 @@ def _of_pandas(times: Any) -> NDArray[np.int64]:
     """A Series or DatetimeIndex with a zone."""
     dtype = getattr(times, "dtype", None)
     if dtype is None or getattr(dtype, "kind", None) != "M":
-        if dtype is not None and (dtype == object or str(dtype) in ("str", "string")):
+        if dtype is not None and str(dtype) in ("object", "str", "string"):
             return _of_sequence(list(times))
         raise _no_time(f"{type(times).__name__} of dtype {dtype}")
     zone = getattr(dtype, "tz", None) or getattr(getattr(dtype, "pyarrow_dtype", None), "tz", None)
