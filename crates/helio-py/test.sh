@@ -40,7 +40,7 @@ step() {
     fi
 }
 
-step "stubs" "$venv/bin/python" -m mypy.stubtest helio_py --ignore-missing-stub --allowlist tests/stubtest-allowlist.txt
+step "stubs" "$venv/bin/python" -m mypy.stubtest helio_py --ignore-missing-stub
 step "types" "$venv/bin/mypy" --cache-dir "$target/mypy-py"
 step "lint" "$venv/bin/ruff" check --quiet --config ../../tests/ruff.toml --cache-dir "$target/ruff" python tests
 step "format" "$venv/bin/ruff" format --quiet --check --config ../../tests/ruff.toml --cache-dir "$target/ruff" python tests

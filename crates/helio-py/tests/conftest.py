@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 from pathlib import Path
+from typing import Any
 
 import helio_py as hp
 import numpy as np
@@ -38,7 +39,7 @@ def random_field(n: int, seed: int = 0) -> hp.Field:
     """A field with an error of every kind."""
     rng = np.random.default_rng(seed)
     position = np.c_[rng.uniform(-600, 600, n), rng.uniform(30, 900, n), rng.uniform(-5, 5, n)]
-    errors = {
+    errors: dict[str, Any] = {
         name: rng.normal(0, 0.01, n)
         for name in (
             "pedestal_tilt_rad",

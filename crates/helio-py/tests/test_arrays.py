@@ -67,13 +67,14 @@ def test_shapes_follow_the_question(n: int) -> None:
 def test_scalars_of_every_kind_are_one_sun() -> None:
     field = random_field(3)
     want = hp.track(field, 3.0, 0.5)
-    for three, half in [
+    scalars: list[tuple[Any, Any]] = [
         (3, 0.5),
         (np.float64(3), np.float64(0.5)),
         (np.float32(3), np.float16(0.5)),
         (np.array(3), np.array(0.5)),
         (np.int8(3), 0.5),
-    ]:
+    ]
+    for three, half in scalars:
         got = hp.track(field, three, half)
         assert got.shape == (3,)
         assert same_bits(got, want)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import helio_py as hp
 import numpy as np
@@ -17,10 +18,11 @@ MODES = st.sampled_from(["azimuth-elevation", "spinning-elevation", "pitch-roll"
 def fields(draw: st.DrawFn) -> hp.Field:
     n = draw(st.integers(1, 5))
     mode = draw(MODES)
-    options = {
+    every: dict[str, dict[str, Any]] = {
         "pitch-roll": {"axis_azimuth_rad": draw(st.floats(-3, 3))},
         "polar": {"latitude_rad": draw(st.floats(-1.2, 1.2))},
-    }.get(mode, {})
+    }
+    options = every.get(mode, {})
 
     def column(values: st.SearchStrategy[float]) -> list[float]:
         return draw(st.lists(values, min_size=n, max_size=n))

@@ -121,7 +121,7 @@ def _of_pandas(times: Any) -> NDArray[np.int64]:
 
 def _of_polars(times: Any) -> NDArray[np.int64]:
     """A Series of Datetime with a zone, or of text."""
-    dtype = getattr(times, "dtype", None)
+    dtype: Any = getattr(times, "dtype", None)
     if str(dtype) == "String":
         return _of_sequence(times.to_list())
     if not str(dtype).startswith("Datetime"):
@@ -136,7 +136,7 @@ def _of_polars(times: Any) -> NDArray[np.int64]:
 
 def _of_arrow(times: Any) -> NDArray[np.int64]:
     """An array of timestamps with a zone."""
-    kind = getattr(times, "type", None)
+    kind: Any = getattr(times, "type", None)
     unit = getattr(kind, "unit", None)
     if unit is None or not str(kind).startswith("timestamp"):
         raise _no_time(f"{type(times).__name__} of type {kind}")
