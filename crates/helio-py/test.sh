@@ -42,8 +42,8 @@ step() {
 
 step "stubs" "$venv/bin/python" -m mypy.stubtest helio_py --ignore-missing-stub
 step "types" "$venv/bin/mypy" --cache-dir "$target/mypy-py"
-step "lint" "$venv/bin/ruff" check --quiet --config ../../tests/ruff.toml --cache-dir "$target/ruff" python tests
-step "format" "$venv/bin/ruff" format --quiet --check --config ../../tests/ruff.toml --cache-dir "$target/ruff" python tests
+step "lint" "$venv/bin/ruff" check --quiet --cache-dir "$target/ruff" python tests
+step "format" "$venv/bin/ruff" format --quiet --check --cache-dir "$target/ruff" python tests
 
 log="$target/python-tests.log"
 printf '== helio-py: tests\n'

@@ -7,9 +7,10 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-import helio_py as hp
 import numpy as np
 import pytest
+
+import helio_py as hp
 
 ROOT = Path(__file__).resolve().parents[3]
 

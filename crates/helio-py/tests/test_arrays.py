@@ -8,11 +8,12 @@ import weakref
 from collections.abc import Callable
 from typing import Any
 
-import helio_py as hp
 import numpy as np
 import pandas as pd
 import polars as pl
 import pytest
+
+import helio_py as hp
 from conftest import random_field, same_bits
 
 LAYOUTS: dict[str, Callable[[Any], Any]] = {

@@ -7,9 +7,10 @@ import inspect
 import re
 from pathlib import Path
 
-import helio_py as hp
 import numpy as np
 import pytest
+
+import helio_py as hp
 
 NAMES = [name for name in hp.__all__ if name != "__version__"]
 

@@ -7,9 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import helio_py as hp
 import numpy as np
 import pytest
+
+import helio_py as hp
 
 HERE = [[0.0, 0.0, 0.0]]
 AIM = [0.0, 90.0, 30.0]

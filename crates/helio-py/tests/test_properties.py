@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import helio_py as hp
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+import helio_py as hp
 
 ANGLE = st.floats(-0.1, 0.1)
 MODES = st.sampled_from(["azimuth-elevation", "spinning-elevation", "pitch-roll", "polar"])

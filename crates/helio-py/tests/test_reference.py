@@ -10,9 +10,10 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
-import helio_py as hp
 import numpy as np
 import pytest
+
+import helio_py as hp
 
 TOLERANCE_RAD = 1e-13
 

@@ -14,9 +14,10 @@ import threading
 import tracemalloc
 from pathlib import Path
 
-import helio_py as hp
 import numpy as np
 import pytest
+
+import helio_py as hp
 from conftest import random_field, same_bits
 
 # Enough rows that the work is shared among threads.

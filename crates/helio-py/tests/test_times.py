@@ -7,12 +7,13 @@ import math
 import zoneinfo
 from typing import Any
 
-import helio_py as hp
 import numpy as np
 import pandas as pd
 import polars as pl
 import pyarrow as pa
 import pytest
+
+import helio_py as hp
 
 SITE = (37.4, -6.25)
 TEXTS = ["2026-06-21T12:00:00+02:00", "2026-12-21T09:30:00.123456Z"]
@@ -20,7 +21,7 @@ WANTED_NS = [1782036000_000000000, 1797845400_123456000]
 MADRID = zoneinfo.ZoneInfo("Europe/Madrid")
 AWARE = [
     dt.datetime(2026, 6, 21, 12, tzinfo=MADRID),
-    dt.datetime(2026, 12, 21, 9, 30, 0, 123456, tzinfo=dt.UTC),
+    dt.datetime(2026, 12, 21, 9, 30, 0, 123456, tzinfo=dt.timezone.utc),
 ]
 UTC_NAIVE = np.array(["2026-06-21T10:00:00", "2026-12-21T09:30:00.123456"], dtype="datetime64[us]")
 
@@ -77,7 +78,7 @@ REFUSED: dict[str, tuple[type[hp.HelioError], str, Any]] = {
     "pandas nat": (hp.TimeError, "times: row 1: no time", pd.DatetimeIndex(["2026-01-01T00:00Z", None])),
     "polars null": (hp.TimeError, "times: row 1: no time", pl.Series([AWARE[0], None])),
     "too early": (hp.TimeError, "1678 and 2262", np.array(["1500-01-01"], "datetime64[D]")),
-    "too late": (hp.TimeError, "1678 and 2262", dt.datetime(2500, 1, 1, tzinfo=dt.UTC)),
+    "too late": (hp.TimeError, "1678 and 2262", dt.datetime(2500, 1, 1, tzinfo=dt.timezone.utc)),
     "words": (hp.TimeError, "`noon` is not a usable time", "noon"),
     "number": (hp.DataTypeError, "times: expected .*, got float", 1.75e9),
     "numbers": (hp.DataTypeError, "times: expected .*, got an array of dtype float64", np.array([1.75e9])),

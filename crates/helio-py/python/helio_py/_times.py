@@ -15,7 +15,7 @@ from helio_py._errors import DataTypeError, TimeError
 from helio_py._native import _parse_time
 
 _NAIVE = "a time without a zone is refused; give it one (UTC, if it is that)"
-_EPOCH = dt.datetime(1970, 1, 1, tzinfo=dt.UTC)
+_EPOCH = dt.datetime(1970, 1, 1, tzinfo=dt.timezone.utc)
 _MICROSECOND = dt.timedelta(microseconds=1)
 _RANGE = "it must lie between the years 1678 and 2262"
 
