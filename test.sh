@@ -34,7 +34,7 @@ python_lint() {
         cp "$wanted" "$venv/made-from.txt"
     fi
     local files
-    mapfile -t files < <(find benches crates examples tests -name '*.py' -not -path '*/.*/*' | sort)
+    mapfile -t files < <(find benches crates examples tests -name '*.py' -not -path '*/.*/*' -not -path 'crates/helio-py/*' | sort)
     "$venv/bin/ruff" check --quiet --config tests/ruff.toml --cache-dir "$out/ruff" "${files[@]}" &&
         "$venv/bin/mypy" --config-file tests/mypy.ini --cache-dir "$out/mypy" "${files[@]}"
 }
@@ -69,6 +69,18 @@ fi
 : >"$log"
 step "tests" rust_tests
 
+# helio-py is built by maturin and tested from Python, against the command line of this build; its last line counts.
+python_tests() {
+    cargo build --release --quiet -p helio-cli || return
+    HELIO_RS="$(realpath "$out")/release/helio-rs" crates/helio-py/test.sh | tee "$out/helio-py.log"
+}
+: >"$out/helio-py.log"
+if command -v python3 >/dev/null; then
+    step "Python package" python_tests
+else
+    echo "== Python package: no python3 here, left out"
+fi
+
 # Totals over all test programs. A skipped test is one that returned early because HELIO_DATA is
 # not set; cargo counts it as passed, this line does not.
 read -r passed failed skipped < <(awk '
@@ -77,6 +89,10 @@ read -r passed failed skipped < <(awk '
     /^skipped: HELIO_DATA is not set/ && !(test in seen) { seen[test] = 1; skipped++ }
     END { print passed - skipped, failed + 0, skipped + ignored }
 ' "$log")
+if read -r py_passed py_failed py_skipped < <(tail -n 1 "$out/helio-py.log" | grep -oE '[0-9]+' | xargs) &&
+    [ -n "${py_skipped:-}" ]; then
+    passed=$((passed + py_passed)) failed=$((failed + py_failed)) skipped=$((skipped + py_skipped))
+fi
 for name in ${failed_steps[@]+"${failed_steps[@]}"}; do
     printf 'failed: %s\n' "$name"
     # Tests that failed are counted already; a build that broke is not.

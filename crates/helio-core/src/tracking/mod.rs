@@ -1,6 +1,7 @@
 //! Sun and aim in, axis angles out, for a whole field; and back.
 
 mod aligned;
+mod columns;
 mod forward;
 pub(crate) mod kernel;
 pub(crate) mod prepared;
@@ -10,6 +11,7 @@ use alloc::vec::Vec;
 use core::ops::Range;
 
 use aligned::AlignedColumn;
+pub use columns::{TrackScratch, TrackingColumns};
 pub use forward::Prediction;
 use kernel::{PresentRows, Rows, Scratch};
 use prepared::{Prepared, TILE};
@@ -207,7 +209,7 @@ impl Tracker {
     pub fn track(&self, sun: EnuUnit) -> Tracking {
         let mut out = Tracking::default();
         let options = TrackOptions::default();
-        self.fill(&[sun], None, SimdLevel::best(), options.threads, &mut out);
+        self.fill_tracking(&[sun], None, SimdLevel::best(), options.threads, &mut out);
         out
     }
 
@@ -237,22 +239,12 @@ impl Tracker {
         options: &TrackOptions,
         out: &mut Tracking,
     ) -> Result<(), TrackError> {
-        let level = checked_level(options.level)?;
-        check_suns(suns)?;
-        if let Some(present) = present {
-            for (what, column) in [
-                ("present axis1_rad", present.axis1_rad),
-                ("present axis2_rad", present.axis2_rad),
-            ] {
-                check_len(what, self.len(), column.len())?;
-                check_angles(what, column, true)?;
-            }
-        }
-        self.fill(suns, present, level, options.threads, out);
+        let level = check_call(self, suns, present, options)?;
+        self.fill_tracking(suns, present, level, options.threads, out);
         Ok(())
     }
 
-    fn fill(
+    fn fill_tracking(
         &self,
         suns: &[EnuUnit],
         present: Option<Present<'_>>,
@@ -260,57 +252,70 @@ impl Tracker {
         threads: usize,
         out: &mut Tracking,
     ) {
-        let n = self.len();
-        out.resize(suns.len(), n);
-        if n == 0 || suns.is_empty() {
+        out.resize(suns.len(), self.len());
+        if self.is_empty() || suns.is_empty() {
             return;
         }
         let mut scratch = out.scratch.take().unwrap_or_default();
+        out.any_outside = self.fill(suns, present, level, threads, &mut scratch, out.rows());
+        out.scratch = Some(scratch);
+    }
+
+    /// True if any row lies outside its limits.
+    fn fill(
+        &self,
+        suns: &[EnuUnit],
+        present: Option<Present<'_>>,
+        level: SimdLevel,
+        threads: usize,
+        scratch: &mut Scratch,
+        rows: Rows<'_>,
+    ) -> bool {
+        let n = self.len();
+        if n == 0 || suns.is_empty() {
+            return false;
+        }
         let mut call = Call {
             tracker: self,
             level,
             stream: false,
         };
         if let Some(present) = present {
-            out.any_outside = call.continuous(suns, present, &mut scratch, out.rows());
-            out.scratch = Some(scratch);
-            return;
+            return call.continuous(suns, present, scratch, rows);
         }
         // Streaming wants every sun's columns to begin on a cache line.
-        let aligned = suns.len() == 1 || n.is_multiple_of(8);
+        let aligned = rows.are_aligned() && (suns.len() == 1 || n.is_multiple_of(8));
         call.stream = aligned && n * suns.len() * 3 * size_of::<f64>() >= STREAM_BYTES;
         let pieces = pieces(n * suns.len(), threads);
-        out.any_outside = if suns.len() >= pieces {
-            in_parallel(
+        if suns.len() >= pieces {
+            return in_parallel(
                 pieces,
                 suns.len(),
                 1,
                 n,
-                &mut scratch,
-                out.rows(),
+                scratch,
+                rows,
                 &|range: Range<usize>, scratch, rows| call.suns(&suns[range], 0, n, scratch, rows),
-            )
-        } else {
-            let mut rest = out.rows();
-            let mut any_outside = false;
-            for &sun in suns {
-                let (rows, others) = rest.split_at(n);
-                rest = others;
-                any_outside |= in_parallel(
-                    pieces,
-                    n,
-                    TILE,
-                    1,
-                    &mut scratch,
-                    rows,
-                    &|range: Range<usize>, scratch, rows| {
-                        call.suns(&[sun], range.start, range.len(), scratch, rows)
-                    },
-                );
-            }
-            any_outside
-        };
-        out.scratch = Some(scratch);
+            );
+        }
+        let mut rest = rows;
+        let mut any_outside = false;
+        for &sun in suns {
+            let (rows, others) = rest.split_at(n);
+            rest = others;
+            any_outside |= in_parallel(
+                pieces,
+                n,
+                TILE,
+                1,
+                scratch,
+                rows,
+                &|range: Range<usize>, scratch, rows| {
+                    call.suns(&[sun], range.start, range.len(), scratch, rows)
+                },
+            );
+        }
+        any_outside
     }
 }
 
@@ -463,6 +468,27 @@ fn in_parallel(
     }
     let _ = (pieces, multiple, width);
     work(0..count, scratch, rows)
+}
+
+/// Refuses a wrong call; the instruction set to use otherwise.
+fn check_call(
+    tracker: &Tracker,
+    suns: &[EnuUnit],
+    present: Option<Present<'_>>,
+    options: &TrackOptions,
+) -> Result<SimdLevel, TrackError> {
+    let level = checked_level(options.level)?;
+    check_suns(suns)?;
+    if let Some(present) = present {
+        for (what, column) in [
+            ("present axis1_rad", present.axis1_rad),
+            ("present axis2_rad", present.axis2_rad),
+        ] {
+            check_len(what, tracker.len(), column.len())?;
+            check_angles(what, column, true)?;
+        }
+    }
+    Ok(level)
 }
 
 fn checked_level(level: Option<SimdLevel>) -> Result<SimdLevel, TrackError> {

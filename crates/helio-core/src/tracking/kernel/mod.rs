@@ -73,6 +73,13 @@ impl<'a> Rows<'a> {
     pub fn len(&self) -> usize {
         self.status.len()
     }
+
+    /// True if the columns that may be streamed begin on cache lines.
+    pub fn are_aligned(&self) -> bool {
+        [&self.axis1, &self.axis2, &self.incidence]
+            .iter()
+            .all(|column| column.as_ptr().addr().is_multiple_of(64))
+    }
 }
 
 /// Sun along the mount's axes, for some rows of the field.

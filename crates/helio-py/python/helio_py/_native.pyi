@@ -1,0 +1,201 @@
+from collections.abc import Sequence
+from os import PathLike
+from pathlib import Path
+from typing import Any, Final, final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from helio_py._sun import SunPosition
+
+__version__: Final[str]
+_optimised: Final[bool]
+_simd_level: Final[str]
+
+def _address_read(value: ArrayLike) -> int: ...
+def _panic() -> None: ...
+def _parse_time(text: str) -> int: ...
+def track(
+    field: Field,
+    sun_azimuth_rad: ArrayLike,
+    sun_elevation_rad: ArrayLike,
+    offset: str = "exact",
+    *,
+    out: Tracking | None = None,
+    present: tuple[ArrayLike, ArrayLike] | Tracking | None = None,
+    continuous: bool = False,
+    times: Any | None = None,
+) -> Tracking: ...
+def forward(field: Field, azimuth_rad: ArrayLike, elevation_rad: ArrayLike) -> NDArray[np.float64]: ...
+def sun_position(
+    times: Any,
+    latitude_deg: float,
+    longitude_deg: float,
+    *,
+    elevation_m: float = 0.0,
+    pressure_hpa: float | None = None,
+    temperature_c: float | None = None,
+    delta_t_s: float | None = None,
+    ut1_utc_s: float = 0.0,
+) -> SunPosition: ...
+
+@final
+class Field:
+    def __new__(
+        cls,
+        position_enu_m: ArrayLike,
+        aim_enu_m: ArrayLike,
+        *,
+        ids: Sequence[str] | None = None,
+        mirror_offset_m: ArrayLike = 0.0,
+        pedestal_tilt_rad: ArrayLike = 0.0,
+        pedestal_tilt_azimuth_rad: ArrayLike = 0.0,
+        axis_nonorthogonality_rad: ArrayLike = 0.0,
+        mirror_tilt_rad: ArrayLike = 0.0,
+        azimuth_reference_rad: ArrayLike = 0.0,
+        elevation_reference_rad: ArrayLike = 0.0,
+        axis1_sag_rad: ArrayLike = 0.0,
+        axis2_sag_rad: ArrayLike = 0.0,
+        axis2_eccentricity_rad: ArrayLike = 0.0,
+        axis1_min_rad: ArrayLike | None = None,
+        axis1_max_rad: ArrayLike | None = None,
+        axis2_min_rad: ArrayLike | None = None,
+        axis2_max_rad: ArrayLike | None = None,
+        mode: str = "azimuth-elevation",
+        axis_azimuth_rad: float | None = None,
+        latitude_rad: float | None = None,
+    ) -> Field: ...
+    @staticmethod
+    def from_toml(path: str | PathLike[str]) -> Field: ...
+    def __len__(self) -> int: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+    @property
+    def ids(self) -> list[str]: ...
+    def row_of(self, id: str) -> int | None: ...
+    @property
+    def mode(self) -> str: ...
+    @property
+    def axis_azimuth_rad(self) -> float | None: ...
+    @property
+    def latitude_rad(self) -> float | None: ...
+    @property
+    def position_enu_m(self) -> NDArray[np.float64]: ...
+    @property
+    def aim_enu_m(self) -> NDArray[np.float64]: ...
+    @property
+    def mirror_offset_m(self) -> NDArray[np.float64]: ...
+    @property
+    def pedestal_tilt_rad(self) -> NDArray[np.float64]: ...
+    @property
+    def pedestal_tilt_azimuth_rad(self) -> NDArray[np.float64]: ...
+    @property
+    def axis_nonorthogonality_rad(self) -> NDArray[np.float64]: ...
+    @property
+    def mirror_tilt_rad(self) -> NDArray[np.float64]: ...
+    @property
+    def azimuth_reference_rad(self) -> NDArray[np.float64]: ...
+    @property
+    def elevation_reference_rad(self) -> NDArray[np.float64]: ...
+    @property
+    def axis1_sag_rad(self) -> NDArray[np.float64]: ...
+    @property
+    def axis2_sag_rad(self) -> NDArray[np.float64]: ...
+    @property
+    def axis2_eccentricity_rad(self) -> NDArray[np.float64]: ...
+    @property
+    def axis1_min_rad(self) -> NDArray[np.float64]: ...
+    @property
+    def axis1_max_rad(self) -> NDArray[np.float64]: ...
+    @property
+    def axis2_min_rad(self) -> NDArray[np.float64]: ...
+    @property
+    def axis2_max_rad(self) -> NDArray[np.float64]: ...
+    @property
+    def drives(self) -> list[tuple[Drive | None, Drive | None]]: ...
+    def steps(
+        self, azimuth_rad: ArrayLike, elevation_rad: ArrayLike
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+    def angles_rad(
+        self, axis1_steps: ArrayLike, axis2_steps: ArrayLike
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+    def sun_position(self, times: Any) -> SunPosition: ...
+    @property
+    def warnings(self) -> list[str]: ...
+    @property
+    def files(self) -> list[Path]: ...
+    @staticmethod
+    def _from_columns(arguments: dict[str, Any]) -> Field: ...
+    @staticmethod
+    def _read_again(path: str | PathLike[str], hashes: Sequence[str]) -> Field: ...
+
+@final
+class Tracking:
+    @property
+    def azimuth_rad(self) -> NDArray[np.float64]: ...
+    @property
+    def elevation_rad(self) -> NDArray[np.float64]: ...
+    @property
+    def axis1_rad(self) -> NDArray[np.float64]: ...
+    @property
+    def axis2_rad(self) -> NDArray[np.float64]: ...
+    @property
+    def incidence_rad(self) -> NDArray[np.float64]: ...
+    @property
+    def limit_excess_rad(self) -> NDArray[np.float64]: ...
+    @property
+    def status(self) -> NDArray[np.uint8]: ...
+    @property
+    def status_words(self) -> NDArray[np.str_]: ...
+    @property
+    def shape(self) -> tuple[int, ...]: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+    @staticmethod
+    def _from_columns(
+        azimuth_rad: ArrayLike,
+        elevation_rad: ArrayLike,
+        incidence_rad: ArrayLike,
+        limit_excess_rad: ArrayLike,
+        status: ArrayLike,
+    ) -> Tracking: ...
+
+@final
+class Drive:
+    @staticmethod
+    def encoder(
+        steps_per_rad: float,
+        *,
+        zero_steps: float = 0.0,
+        sign: float = 1.0,
+        min_steps: float | None = None,
+        max_steps: float | None = None,
+    ) -> Drive: ...
+    @staticmethod
+    def screw(
+        arm_a_m: float,
+        arm_b_m: float,
+        bracket_rad: float,
+        zero_length_m: float,
+        *,
+        steps_per_m: float = 1.0,
+        sign: float = 1.0,
+        min_steps: float | None = None,
+        max_steps: float | None = None,
+    ) -> Drive: ...
+    @staticmethod
+    def triangle(
+        offset_m: float,
+        pivot_radius_m: float,
+        initial_stroke_length_m: float,
+        initial_angle_rad: float,
+        steps_per_m: float,
+        *,
+        clockwise: bool = False,
+        sign: float = 1.0,
+        min_steps: float | None = None,
+        max_steps: float | None = None,
+    ) -> Drive: ...
+    def steps(self, angle_rad: ArrayLike) -> Any: ...
+    def angle_rad(self, steps: ArrayLike) -> Any: ...
+    def quantised_rad(self, angle_rad: ArrayLike) -> Any: ...
+    @property
+    def range_rad(self) -> tuple[float, float]: ...

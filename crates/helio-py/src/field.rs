@@ -1,0 +1,429 @@
+//! `Field`: the heliostats.
+
+mod columns;
+mod inner;
+
+use std::path::PathBuf;
+
+use numpy::PyArray2;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList, PyTuple};
+
+use crate::array::{Numbers, owned, shape_text, wrong_shape};
+use crate::drive::PyDrive;
+use crate::failure::Failure;
+use crate::guard::guarded;
+use crate::sun::Clock;
+pub(crate) use inner::Inner;
+
+/// Heliostats of one tracking mode, in the order in which every answer comes.
+///
+/// World frame: right-handed east, north, up, in metres; azimuth clockwise from north. A field does not change:
+/// make another to change one.
+///
+/// Parameters
+/// ----------
+/// position_enu_m : array of shape (n, 3)
+///     Crossing of the axes of each heliostat, its pivot [m].
+/// aim_enu_m : array of shape (n, 3) or (3,)
+///     What its beam is to hit [m]; one point may serve for all.
+/// ids : sequence of str, optional
+///     Names, each once; by default the row numbers from "0" on.
+/// mirror_offset_m : float or array of shape (n,), default 0
+///     Pivot to mirror centre along the normal [m].
+/// pedestal_tilt_rad, pedestal_tilt_azimuth_rad : float or array of shape (n,), default 0
+///     Lean of the fixed axis and where it leans to [rad].
+/// axis_nonorthogonality_rad : float or array of shape (n,), default 0
+///     Moving axis away from square to the fixed axis [rad].
+/// mirror_tilt_rad : float or array of shape (n,), default 0
+///     Mirror plane away from parallel with the moving axis [rad].
+/// azimuth_reference_rad, elevation_reference_rad : float or array of shape (n,), default 0
+///     Encoder readings are the true angles plus these [rad].
+/// axis1_sag_rad, axis2_sag_rad, axis2_eccentricity_rad : float or array of shape (n,), default 0
+///     How far an axis gives way where the mirror pulls it round hardest, and how far the second turns beyond its
+///     encoder a quarter turn from its zero [rad].
+/// axis1_min_rad, axis1_max_rad, axis2_min_rad, axis2_max_rad : float or array of shape (n,)
+///     Limits on encoder angles [rad]; infinite (no limit) by default.
+/// mode : str, default "azimuth-elevation"
+///     Or "spinning-elevation", "pitch-roll" (with `axis_azimuth_rad`), "polar" (with `latitude_rad`).
+/// axis_azimuth_rad : float, optional
+///     Where the fixed axis of a pitch-roll mount points [rad]; π/2 is east.
+/// latitude_rad : float, optional
+///     Of the site of a polar mount [rad], north positive.
+///
+/// Raises
+/// ------
+/// FieldError, ShapeError, DataTypeError, OptionError
+///
+/// Examples
+/// --------
+/// >>> import helio_py as hp
+/// >>> field = hp.Field([[0, 90, 6], [30, 90, 6]], [0, 0, 120], ids=["A1", "A2"], mirror_offset_m=0.3)
+/// >>> field
+/// <Field of 2 heliostats, azimuth-elevation>
+/// >>> field.mirror_offset_m
+/// array([0.3, 0.3])
+#[pyclass(frozen, name = "Field", module = "helio_py")]
+pub(crate) struct PyField {
+    inner: Inner,
+}
+
+impl PyField {
+    /// An argument that must be a field.
+    pub(crate) fn of<'a, 'py>(
+        value: &'a Bound<'py, PyAny>,
+    ) -> Result<&'a Bound<'py, Self>, Failure> {
+        value.cast::<Self>().map_err(|_| {
+            let found = value.get_type();
+            Failure::of(
+                "DataTypeError",
+                "field",
+                format_args!("expected a Field, got {found}"),
+            )
+        })
+    }
+
+    pub(crate) fn inner(&self) -> &Inner {
+        &self.inner
+    }
+
+    fn column<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+        guarded(|| {
+            owned(
+                py,
+                columns::column(self.inner.field(), name),
+                &[self.inner.len()],
+            )
+        })
+    }
+
+    /// Two columns of angles or steps, each of shape (n,) or (m, n), through every heliostat's drives.
+    fn through_drives<'py>(
+        &self,
+        py: Python<'py>,
+        given: [(&Bound<'py, PyAny>, &str); 2],
+        convert: impl Fn(&helio_core::drive::Drive, f64) -> Option<f64> + Sync,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        guarded(|| {
+            let n = self.inner.len();
+            let one = |axis: usize| {
+                let (value, what) = given[axis];
+                let numbers = Numbers::of(value, what)?;
+                if !matches!(*numbers.shape(), [found] | [_, found] if found == n) {
+                    let wanted = format!("({n},) or (m, {n})");
+                    return Err(wrong_shape(what, &wanted, numbers.shape()));
+                }
+                let slice = numbers.as_slice()?;
+                let done: Vec<f64> = py.detach(|| {
+                    let rows = slice.iter().enumerate();
+                    let through = rows.map(|(row, &number)| {
+                        let drive = self.inner.drives(row % n)[axis];
+                        drive.and_then(|drive| convert(&drive, number))
+                    });
+                    through.map(|found| found.unwrap_or(f64::NAN)).collect()
+                });
+                owned(py, done, numbers.shape())
+            };
+            Ok((one(0)?, one(1)?))
+        })
+    }
+}
+
+#[pymethods]
+impl PyField {
+    #[new]
+    #[pyo3(
+        signature = (position_enu_m, aim_enu_m, *, ids=None, mode=None, axis_azimuth_rad=None, latitude_rad=None, **columns),
+        text_signature = "(position_enu_m, aim_enu_m, *, ids=None, mirror_offset_m=0.0, pedestal_tilt_rad=0.0, pedestal_tilt_azimuth_rad=0.0, axis_nonorthogonality_rad=0.0, mirror_tilt_rad=0.0, azimuth_reference_rad=0.0, elevation_reference_rad=0.0, axis1_sag_rad=0.0, axis2_sag_rad=0.0, axis2_eccentricity_rad=0.0, axis1_min_rad=None, axis1_max_rad=None, axis2_min_rad=None, axis2_max_rad=None, mode='azimuth-elevation', axis_azimuth_rad=None, latitude_rad=None)"
+    )]
+    fn new(
+        position_enu_m: &Bound<'_, PyAny>,
+        aim_enu_m: &Bound<'_, PyAny>,
+        ids: Option<&Bound<'_, PyAny>>,
+        mode: Option<&Bound<'_, PyAny>>,
+        axis_azimuth_rad: Option<&Bound<'_, PyAny>>,
+        latitude_rad: Option<&Bound<'_, PyAny>>,
+        columns: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
+        guarded(|| {
+            let mode = columns::mode(mode, axis_azimuth_rad, latitude_rad)?;
+            let field = columns::field(position_enu_m, aim_enu_m, ids, mode, columns)?;
+            Ok(Self {
+                inner: Inner::of_columns(field)?,
+            })
+        })
+    }
+
+    /// Reads a field.toml and the tables that it names, as the command line does.
+    ///
+    /// Parameters
+    /// ----------
+    /// path : str or path
+    ///     The field.toml.
+    ///
+    /// Raises
+    /// ------
+    /// FileError
+    ///     With `path`, `line`, `column`, `row`, `id` and `field` as far as they are known.
+    #[staticmethod]
+    fn from_toml(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        guarded(|| {
+            let inner = py.detach(|| Inner::load(&path))?;
+            Ok(Self { inner })
+        })
+    }
+
+    fn __len__(&self) -> usize {
+        self.inner.len()
+    }
+
+    fn __repr__(&self) -> String {
+        let plural = if self.inner.len() == 1 { "" } else { "s" };
+        let mode = self.inner.field().mode().as_str();
+        format!("<Field of {} heliostat{plural}, {mode}>", self.inner.len())
+    }
+
+    /// Names of the heliostats, in field order.
+    #[getter]
+    fn ids<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        PyList::new(py, self.inner.field().ids())
+    }
+
+    /// Row of a heliostat by name, counted from 0; None if there is none of that name.
+    fn row_of(&self, id: &str) -> Option<usize> {
+        self.inner.field().row_of(id)
+    }
+
+    /// How the heliostats track: the word of the files.
+    #[getter]
+    fn mode(&self) -> &'static str {
+        self.inner.field().mode().as_str()
+    }
+
+    /// Where the fixed axis of a pitch-roll mount points [rad]; None for other modes.
+    #[getter]
+    fn axis_azimuth_rad(&self) -> Option<f64> {
+        columns::axis_azimuth_rad(self.inner.field())
+    }
+
+    /// Latitude that a polar mount stands at [rad]; None for other modes.
+    #[getter]
+    fn latitude_rad(&self) -> Option<f64> {
+        columns::latitude_rad(self.inner.field())
+    }
+
+    /// Crossing of the axes of each heliostat [m], east, north, up: a copy of shape (n, 3).
+    #[getter]
+    fn position_enu_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        columns::points(py, self.inner.field(), |heliostat| heliostat.pivot)
+    }
+
+    /// What each beam is to hit [m], east, north, up: a copy of shape (n, 3).
+    #[getter]
+    fn aim_enu_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        columns::points(py, self.inner.field(), |heliostat| heliostat.aim)
+    }
+
+    /// Pivot to mirror centre along the normal [m]: a copy.
+    #[getter]
+    fn mirror_offset_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.column(py, "mirror_offset_m")
+    }
+
+    /// Lean of the fixed axis [rad]: a copy.
+    #[getter]
+    fn pedestal_tilt_rad<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.column(py, "pedestal_tilt_rad")
+    }
+
+    /// Where the fixed axis leans to [rad]: a copy.
+    #[getter]
+    fn pedestal_tilt_azimuth_rad<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.column(py, "pedestal_tilt_azimuth_rad")
+    }
+
+    /// Moving axis away from square to the fixed axis [rad]: a copy.
+    #[getter]
+    fn axis_nonorthogonality_rad<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.column(py, "axis_nonorthogonality_rad")
+    }
+
+    /// Mirror plane away from parallel with the moving axis [rad]: a copy.
+    #[getter]
+    fn mirror_tilt_rad<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.column(py, "mirror_tilt_rad")
+    }
+
+    /// Reference of the first axis' encoder [rad]: a copy.
+    #[getter]
+    fn azimuth_reference_rad<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.column(py, "azimuth_reference_rad")
+    }
+
+    /// Reference of the second axis' encoder [rad]: a copy.
+    #[getter]
+    fn elevation_reference_rad<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.column(py, "elevation_reference_rad")
+    }
+
+    /// Most that the first axis sags [rad]: a copy.
+    #[getter]
+    fn axis1_sag_rad<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.column(py, "axis1_sag_rad")
+    }
+
+    /// Most that the second axis sags [rad]: a copy.
+    #[getter]
+    fn axis2_sag_rad<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.column(py, "axis2_sag_rad")
+    }
+
+    /// How far the second axis turns beyond its encoder a quarter turn from its zero [rad]: a copy.
+    #[getter]
+    fn axis2_eccentricity_rad<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.column(py, "axis2_eccentricity_rad")
+    }
+
+    /// Least encoder angle of the first axis [rad], -inf for none: a copy.
+    #[getter]
+    fn axis1_min_rad<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.column(py, "axis1_min_rad")
+    }
+
+    /// Greatest encoder angle of the first axis [rad], inf for none: a copy.
+    #[getter]
+    fn axis1_max_rad<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.column(py, "axis1_max_rad")
+    }
+
+    /// Least encoder angle of the second axis [rad], -inf for none: a copy.
+    #[getter]
+    fn axis2_min_rad<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.column(py, "axis2_min_rad")
+    }
+
+    /// Greatest encoder angle of the second axis [rad], inf for none: a copy.
+    #[getter]
+    fn axis2_max_rad<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.column(py, "axis2_max_rad")
+    }
+
+    /// Drives of both axes of each heliostat, as a list of pairs; None where an axis has none.
+    #[getter]
+    fn drives<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        let pairs = (0..self.inner.len()).map(|row| {
+            let [axis1, axis2] = self.inner.drives(row).map(|drive| drive.map(PyDrive));
+            (axis1, axis2)
+        });
+        PyList::new(py, pairs.collect::<Vec<_>>())
+    }
+
+    /// Motor steps of both axes, not rounded, for encoder angles [rad] of shape (n,) or (m, n); NaN where there
+    /// is no drive, no angle, or no steps that lead there.
+    #[pyo3(signature = (azimuth_rad, elevation_rad))]
+    fn steps<'py>(
+        &self,
+        py: Python<'py>,
+        azimuth_rad: &Bound<'py, PyAny>,
+        elevation_rad: &Bound<'py, PyAny>,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let given = [
+            (azimuth_rad, "azimuth_rad"),
+            (elevation_rad, "elevation_rad"),
+        ];
+        self.through_drives(py, given, |drive, angle| drive.steps(angle))
+    }
+
+    /// Encoder angles of both axes [rad] for motor steps of shape (n,) or (m, n); NaN where there is no drive or
+    /// its mechanism cannot be.
+    #[pyo3(signature = (axis1_steps, axis2_steps))]
+    fn angles_rad<'py>(
+        &self,
+        py: Python<'py>,
+        axis1_steps: &Bound<'py, PyAny>,
+        axis2_steps: &Bound<'py, PyAny>,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let given = [(axis1_steps, "axis1_steps"), (axis2_steps, "axis2_steps")];
+        self.through_drives(py, given, |drive, steps| drive.angle_rad(steps))
+    }
+
+    /// Where the sun stands over the site of the field's file at `times`: as `helio_py.sun_position`, with the
+    /// file's numbers to the last bit.
+    fn sun_position<'py>(
+        &self,
+        py: Python<'py>,
+        times: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        guarded(|| {
+            let Some(site) = self.inner.site() else {
+                let message = "there is no [site], which the sun's position at a time needs; use \
+                               helio_py.sun_position with a latitude and a longitude";
+                return Err(Failure::new("MissingError", message));
+            };
+            let clock = Clock {
+                site: site.sun_site()?,
+                delta_t_s: site.delta_t_s,
+                ut1_utc_s: site.ut1_utc_s.unwrap_or(0.0),
+            };
+            clock.positions(py, times)
+        })
+    }
+
+    /// Things worth saying about the files read, that stop nothing.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.inner.warnings().to_vec()
+    }
+
+    /// Every file read, field.toml first; none for a field of columns.
+    #[getter]
+    fn files(&self) -> Vec<PathBuf> {
+        self.inner.files().to_vec()
+    }
+
+    /// A field of columns is pickled as its columns, one of files as their names and hashes: it is read again,
+    /// and refused if they have changed.
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        let py = slf.py();
+        let inner = slf.get().inner();
+        let class = slf.get_type();
+        if let Some((path, hashes)) = inner.read_from() {
+            let again = class.getattr("_read_again")?;
+            return (again, (path, hashes)).into_pyobject(py);
+        }
+        let columns = columns::arguments(slf)?;
+        (class.getattr("_from_columns")?, (columns,)).into_pyobject(py)
+    }
+
+    /// The field of a dict of arguments, for pickle.
+    #[staticmethod]
+    fn _from_columns<'py>(arguments: &Bound<'py, PyDict>) -> PyResult<Bound<'py, PyAny>> {
+        arguments.py().get_type::<Self>().call((), Some(arguments))
+    }
+
+    /// The field of files that must not have changed, for pickle.
+    #[staticmethod]
+    fn _read_again(py: Python<'_>, path: PathBuf, hashes: Vec<String>) -> PyResult<Self> {
+        guarded(|| {
+            let inner = py.detach(|| Inner::load(&path))?;
+            if inner.read_from().is_none_or(|(_, found)| found != hashes) {
+                let message = format!(
+                    "{}: it, or a table it names, has changed since this field was pickled",
+                    path.display()
+                );
+                return Err(Failure::new("ConflictError", message));
+            }
+            Ok(Self { inner })
+        })
+    }
+}
+
+/// A shape that must be that of points.
+fn not_points(what: &str, wanted: &str, found: &[usize]) -> Failure {
+    wrong_shape(what, &format!("{wanted} (east, north, up)"), found)
+}
+
+/// A row count in words, for messages.
+fn rows(len: usize) -> String {
+    shape_text(&[len])
+}

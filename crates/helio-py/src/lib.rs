@@ -1,0 +1,44 @@
+//! Native part of the Python package `helio_py`: converts, lets go of the interpreter, calls, hands over.
+//!
+//! The package's own documentation is in its doc strings, which begin here as the comments above each
+//! function and class, in the form that Python's readers know (numpydoc).
+//!
+//! One file per subject: `field`, `track`, `forward`, `sun`, `drive`; below them what they
+//! share: `array` (NumPy in and out), `failure` (errors), `pool` (threads, and forks), `guard`
+//! (panics), `slab` (memory of answers).
+
+#![allow(
+    clippy::too_many_arguments,
+    reason = "the arguments of a Python function are its keywords"
+)]
+
+mod array;
+mod drive;
+mod failure;
+mod field;
+mod forward;
+mod guard;
+mod pool;
+mod slab;
+mod sun;
+mod track;
+
+use pyo3::prelude::*;
+
+/// The native part of `helio_py`; private: import from `helio_py`.
+#[pymodule(gil_used = false)]
+fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add("_optimised", !cfg!(debug_assertions))?;
+    module.add("_simd_level", helio_core::SimdLevel::best().as_str())?;
+    module.add_class::<drive::PyDrive>()?;
+    module.add_class::<field::PyField>()?;
+    module.add_class::<track::PyTracking>()?;
+    module.add_function(wrap_pyfunction!(track::track, module)?)?;
+    module.add_function(wrap_pyfunction!(forward::forward, module)?)?;
+    module.add_function(wrap_pyfunction!(sun::sun_position, module)?)?;
+    module.add_function(wrap_pyfunction!(sun::_parse_time, module)?)?;
+    module.add_function(wrap_pyfunction!(array::_address_read, module)?)?;
+    module.add_function(wrap_pyfunction!(guard::_panic, module)?)?;
+    Ok(())
+}
