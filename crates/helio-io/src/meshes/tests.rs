@@ -125,8 +125,7 @@ fn results_of_another_mesh_with_the_same_numbers_are_refused() {
              -1         2 {x} 0.00000E+00 0.00000E+00\n \
              -1         3 0.00000E+00 1.00000E+00 0.00000E+00\n -3\n"
         );
-        let head =
-            "  100CL  101 1.000000000           3                     0    1           1\n";
+        let head = "  100CL  101 1.000000000           3                     0    1           1\n";
         let rows =
             (1..=3).map(|id| format!(" -1         {id} 0.00000E+00 0.00000E+00 1.00000E-03\n"));
         let block = rows.collect::<String>();
