@@ -150,19 +150,21 @@ impl Read {
         for (fault, what) in [
             (
                 mirror.unusable(),
-                "of the mirror without a face of their own",
+                "of the mirror without a face of THEIR own",
             ),
             (
                 mirror.coincident(),
-                "on the same places as others, with nodes of their own, and left out",
+                "on the same places as others, with nodes of THEIR own, and left out",
             ),
             (
                 mirror.rewound(),
-                "wound the other way round than their neighbours, and turned",
+                "wound the other way round than THEIR neighbours, and turned",
             ),
         ] {
             if fault.count() > 0 {
                 let count = Counted(fault.count() as usize, "element");
+                let whose = if fault.count() == 1 { "its" } else { "their" };
+                let what = what.replace("THEIR", whose);
                 printer.warn(format_args!("{}: {count} {what}: {fault}", model.display()));
             }
         }
