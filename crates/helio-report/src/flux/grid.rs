@@ -242,7 +242,7 @@ impl<'a> Checked<'a> {
     fn words(&self) -> String {
         let mean = self.power_w / self.area_m2;
         if self.peak.0 <= 0.0 {
-            return "no light".to_owned();
+            return "power 0\u{202f}W: no light".to_owned();
         }
         let [x, y] = self.peak_m.map(figures);
         let place = match self.map.surface {

@@ -133,7 +133,7 @@ fn mesh_map(receiver: &Receiver, map: &FluxMap, text: &MapText<'_>) -> Result<Fi
             units::with(mean, unit)
         )
     } else {
-        "no light".to_owned()
+        "power 0\u{202f}W: no light".to_owned()
     }];
     if let Some(dni) = text.dni_w_m2.filter(|_| peak > 0.0) {
         let (peak, mean) = (figures(peak / dni), figures(mean / dni));
