@@ -232,7 +232,7 @@ fn mirrors_of_any_size_have_digits() {
         .replace("[0, 0, 5]", "[0, 0, 1e-3]");
     let folder = folder(&small, &[("m.inp", &lengths(2e-4))]);
     let run = flux(&folder, "m.inp", &[]);
-    says(&run, &["over 0.000000040000 m²"]);
+    says(&run, &["over 0.0000000400 m²"]);
     let said = run.stderr();
     let place = said
         .split("at u ")

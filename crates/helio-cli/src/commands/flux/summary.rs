@@ -161,7 +161,7 @@ pub(super) fn flux(value_w_m2: f64) -> String {
 pub(super) fn say_peak(receiver: &Receiver, map: &FluxMap, dni_w_m2: f64, printer: &Printer) {
     let peak = Peak::of(receiver, map);
     let area_m2 = receiver.area_m2();
-    let area = decimals(area_m2, 5, 4);
+    let area = decimals(area_m2, 3, 4);
     if peak.flux_w_m2 <= 0.0 {
         printer.say(format_args!(
             "no light on the {area_m2:.area$} m² of the receiver"
