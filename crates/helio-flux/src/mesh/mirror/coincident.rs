@@ -72,13 +72,17 @@ pub(super) fn stand_twice(candidates: &[Candidate], position_m: &[Vector]) -> Ve
         cells: HashMap::new(),
         count: 0,
     };
-    let mut place_of: HashMap<u32, u32> = HashMap::new();
+    let mut place_of = vec![u32::MAX; position_m.len()];
     let mut first: HashMap<[u32; 4], usize> = HashMap::with_capacity(candidates.len());
     let mut twice = vec![false; candidates.len()];
     for (row, candidate) in candidates.iter().enumerate() {
         let mut key = [u32::MAX; 4];
         for (slot, node) in key.iter_mut().zip(candidate.corners()) {
-            *slot = *place_of.entry(*node).or_insert_with(|| places.of(at(node)));
+            let place = &mut place_of[*node as usize];
+            if *place == u32::MAX {
+                *place = places.of(at(node));
+            }
+            *slot = *place;
         }
         key.sort_unstable();
         let before = *first.entry(key).or_insert(row);
