@@ -82,6 +82,21 @@ fn two_parts_on_one_place_count_once() {
     let one = found(&flux(&folder, "one.inp", &[]), 0);
     close(at(&one, "/power/incoming_w"), 2000.0);
     assert_eq!(both["power"]["incoming_w"], one["power"]["incoming_w"]);
+    // of a receiver too
+    let board = "*NODE\n1,-2,-2,5\n2,2,-2,5\n3,0,3,5\n4,-2,-2,5\n5,2,-2,5\n6,0,3,5\n*ELEMENT,TYPE=S3\n1,1,2,3\n2,4,5,6\n";
+    folder.write("board.inp", board);
+    folder.write(
+        "board.toml",
+        "[mirror]\nunit = \"m\"\n[receiver]\nshape = \"mesh\"\nfile = \"board.inp\"\nunit = \"m\"\nfacing = [0, 0, -1]\n",
+    );
+    let run = folder.run(&["flux", "--mesh", "one.inp", "--scene", "board.toml"]);
+    assert_eq!(found(&run, 0)["receiver"]["columns"], 1);
+    says(
+        &run,
+        &[
+            "board.inp: elements on the same places as others, with nodes of their own, are left out, 1 in all: 2",
+        ],
+    );
     // the other part alone is as good a mirror
     let alone = found(&flux(&folder, "m.inp", &["--element-set", "UPPER"]), 0);
     close(at(&alone, "/power/incoming_w"), 1000.0);
