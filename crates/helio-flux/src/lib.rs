@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 
 pub mod account;
+mod behind;
 mod bvh;
 pub mod convolve;
 pub mod deform;
@@ -20,6 +21,7 @@ pub mod trace;
 mod vector;
 
 pub use account::Account;
+pub use behind::lit_from_behind_w;
 pub use convolve::{ConvolveOptions, convolve, convolve_watched};
 pub use element::Element;
 pub use error::FluxError;

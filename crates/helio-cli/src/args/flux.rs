@@ -17,7 +17,8 @@ use super::{FormatWord, SunArgs, number};
 ///
 /// What was found goes to standard output (or --summary) as JSON: where the power went, peak and mean of the flux,
 /// slope errors, faults of the mesh, heliostats by status. The map goes to --out, slope errors to --slopes, figures
-/// to --plot. The exit status is 1 if heliostats or faces of the mirror are left out.
+/// to --plot. The exit status is 1 if heliostats or faces of the mirror are left out, or if none of the reflected light
+/// arrives.
 #[derive(Debug, ClapArgs)]
 #[command(
     group = ArgGroup::new("source").required(true).args(["mesh", "field", "camera"]),
@@ -81,7 +82,12 @@ pub(crate) struct MeshArgs {
     #[arg(long, value_name = "FILE", requires = "mesh")]
     pub(crate) elements: Option<PathBuf>,
     /// Step of an .frd [default: the last that is no eigenmode]
-    #[arg(long, value_name = "N", requires = "displacements")]
+    #[arg(
+        long,
+        value_name = "N",
+        allow_negative_numbers = true,
+        requires = "displacements"
+    )]
     pub(crate) step: Option<u64>,
     /// Name of the vectors that are displacements, in .msh and .vtk [default: displacement and the like]
     #[arg(long, value_name = "NAME", requires = "mesh")]
@@ -109,16 +115,21 @@ pub(crate) struct MeshArgs {
 #[derive(Debug, ClapArgs)]
 pub(crate) struct InsteadArgs {
     /// Direct normal irradiance instead of the scene's
-    #[arg(long, value_name = "W/M2", value_parser = irradiance)]
+    #[arg(long, value_name = "W/M2", allow_negative_numbers = true, value_parser = irradiance)]
     pub(crate) dni_w_m2: Option<f64>,
     /// Half angle of the sun's disc instead of the scene's
-    #[arg(long, value_name = "MRAD", value_parser = half_angle, requires = "scene")]
+    #[arg(long, value_name = "MRAD", allow_negative_numbers = true, value_parser = half_angle, requires = "scene")]
     pub(crate) half_angle_mrad: Option<f64>,
     /// Number of rays instead of the scene's
-    #[arg(long, value_name = "N", requires = "scene", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000_000))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, requires = "scene", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000_000))]
     pub(crate) rays: Option<u64>,
     /// Seed of the rays instead of the scene's
-    #[arg(long, value_name = "N", requires = "scene")]
+    #[arg(
+        long,
+        value_name = "N",
+        allow_negative_numbers = true,
+        requires = "scene"
+    )]
     pub(crate) seed: Option<u64>,
 }
 
@@ -127,16 +138,16 @@ pub(crate) struct InsteadArgs {
 pub(crate) struct CameraArgs {
     /// What a heat-flux gauge reads in W/m², and where the picture shows its sensor in pixels right and down (the
     /// middle of the first pixel is 0, 0), with the sensor's radius if gray is to be averaged over it
-    #[arg(long, value_name = "X,Y,W/M2[,RADIUS]", requires = "camera", value_parser = gauge)]
+    #[arg(long, value_name = "X,Y,W/M2[,RADIUS]", allow_hyphen_values = true, requires = "camera", value_parser = gauge)]
     pub(crate) gauge: Option<Gauge>,
     /// Gray value without light
-    #[arg(long, value_name = "GRAY", default_value = "0", value_parser = gray)]
+    #[arg(long, value_name = "GRAY", allow_negative_numbers = true, default_value = "0", value_parser = gray)]
     pub(crate) dark: f64,
     /// Gray value from which on the camera cannot tell more [default: 255 or 65535]
-    #[arg(long, value_name = "GRAY", requires = "camera", value_parser = gray)]
+    #[arg(long, value_name = "GRAY", allow_negative_numbers = true, requires = "camera", value_parser = gray)]
     pub(crate) white: Option<f64>,
     /// Global and diffuse irradiance, whose difference is the direct one: for concentrations
-    #[arg(long, value_name = "GLOBAL,DIFFUSE", requires = "camera", conflicts_with = "dni_w_m2", value_parser = two)]
+    #[arg(long, value_name = "GLOBAL,DIFFUSE", allow_hyphen_values = true, requires = "camera", conflicts_with = "dni_w_m2", value_parser = two)]
     pub(crate) global_diffuse_w_m2: Option<[f64; 2]>,
     /// The target.toml of the receiver in the picture: the map is then one in metres on it
     #[arg(long, value_name = "FILE", requires = "camera")]

@@ -171,6 +171,8 @@ pub(crate) struct Builder {
     node_lines: Vec<u32>,
     node_index: HashMap<u64, u32>,
     elements: Vec<RawElement>,
+    /// Nodes between corners that were not there when their element (a row) named them.
+    unseen: Vec<(u32, u64)>,
     pub(crate) node_sets: RawSets,
     pub(crate) element_sets: RawSets,
     surfaces: Vec<(String, Vec<(Member, u8)>)>,
@@ -220,6 +222,12 @@ impl Builder {
     ) -> Result<(), ReadError> {
         let most = source.options.limits.elements;
         source.at_most("elements", self.elements.len() as u64 + 1, most)?;
+        let between = &nodes[shape.corners()..];
+        let row = self.elements.len() as u32;
+        let unseen = between
+            .iter()
+            .filter(|node| !self.node_index.contains_key(node));
+        self.unseen.extend(unseen.map(|&node| (row, node)));
         let mut corners = [0; 8];
         corners[..shape.corners()].copy_from_slice(&nodes[..shape.corners()]);
         self.elements.push(RawElement { id, shape, corners });
@@ -257,6 +265,14 @@ impl Builder {
             skipped: self.skipped,
             ..Faults::default()
         };
+        let mut told = None;
+        for &(row, node) in &self.unseen {
+            if told != Some(row) && !self.node_index.contains_key(&node) {
+                told = Some(row);
+                let id = self.elements[row as usize].id;
+                faults.missing_mid_nodes.add_pair(id, node);
+            }
+        }
         let mut element_index = HashMap::with_capacity(self.elements.len());
         let mut same_corners = HashMap::with_capacity(self.elements.len());
         let mut elements = Vec::with_capacity(self.elements.len());

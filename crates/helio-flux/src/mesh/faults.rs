@@ -90,6 +90,8 @@ impl fmt::Display for Fault {
 pub struct Faults {
     /// Elements with nodes that the mesh does not have.
     pub missing_nodes: Fault,
+    /// Quadratic elements without a node between their corners that they name; their corners count all the same.
+    pub missing_mid_nodes: Fault,
     /// Elements without area or volume.
     pub degenerate: Fault,
     /// Solids whose corners run the wrong way round, and shells that are folded over.
@@ -109,18 +111,26 @@ impl Faults {
         self.each().iter().all(|(fault, _)| fault.count == 0)
     }
 
-    fn each(&self) -> [(&Fault, &str); 5] {
+    /// Each fault with what it is, of one element and of many.
+    fn each(&self) -> [(&Fault, [&str; 2]); 6] {
         [
             (
                 &self.missing_nodes,
-                "with nodes that the mesh does not have",
+                ["with nodes that the mesh does not have"; 2],
             ),
-            (&self.degenerate, "without area or volume"),
-            (&self.inverted, "inverted or folded over"),
-            (&self.duplicate, "that stand twice"),
+            (
+                &self.missing_mid_nodes,
+                ["with nodes between corners that the mesh does not have"; 2],
+            ),
+            (&self.degenerate, ["without area or volume"; 2]),
+            (&self.inverted, ["inverted or folded over"; 2]),
+            (&self.duplicate, ["that stands twice", "that stand twice"]),
             (
                 &self.no_such_face,
-                "named in a surface with a face they do not have",
+                [
+                    "named in a surface with a face it does not have",
+                    "named in a surface with a face they do not have",
+                ],
             ),
         ]
     }
@@ -131,7 +141,8 @@ impl fmt::Display for Faults {
         let mut newline = "";
         for (fault, what) in self.each() {
             if fault.count > 0 {
-                let s = if fault.count == 1 { "" } else { "s" };
+                let many = usize::from(fault.count > 1);
+                let (s, what) = (["", "s"][many], what[many]);
                 write!(f, "{newline}{} element{s} {what}: {fault}", fault.count)?;
                 newline = "\n";
             }

@@ -8,6 +8,7 @@ use super::{ElementStatus, Face, Fault, Mesh, find};
 use crate::element::Element;
 use crate::vector::{Vector, cross, dot, norm, scale, sub, unit};
 
+mod coincident;
 mod facets;
 mod outer;
 
@@ -112,6 +113,7 @@ pub struct Mirror {
     facets: u32,
     unusable: Fault,
     covered: u64,
+    coincident: Fault,
     rewound: Fault,
     left_aside: LeftAside,
 }
@@ -158,6 +160,14 @@ impl Mirror {
     #[must_use]
     pub const fn covered(&self) -> u64 {
         self.covered
+    }
+
+    /// Elements of the chosen part whose face stands where that of an element before it does, on nodes of its
+    /// own (to 1e-6 of the part's extent and 1e-3 of the face's), as where two parts are meshed one on the
+    /// other: not used, for the light would count twice.
+    #[must_use]
+    pub const fn coincident(&self) -> &Fault {
+        &self.coincident
     }
 
     /// Outer faces of solids that are turned to the sun and belong to no patch that counts; none for a
@@ -249,6 +259,16 @@ impl Mesh {
             }
             first
         });
+        let mut coincident = Fault::default();
+        let twice = coincident::stand_twice(&candidates, &self.position_m);
+        let mut rows = twice.iter();
+        candidates.retain(|candidate| {
+            let again = rows.next().is_some_and(|again| *again);
+            if again {
+                coincident.add(self.elements[candidate.face.element as usize].id);
+            }
+            !again
+        });
         let what = match pick {
             Pick::All => "the mesh".to_owned(),
             Pick::ElementSet(name) => format!("element set {}", quoted(name)),
@@ -279,6 +299,7 @@ impl Mesh {
         Ok(Mirror {
             unusable,
             covered,
+            coincident,
             rewound,
             left_aside,
             ..mirror
@@ -439,6 +460,7 @@ impl Mesh {
             facets,
             unusable: Fault::default(),
             covered: 0,
+            coincident: Fault::default(),
             rewound: Fault::default(),
             left_aside: LeftAside::default(),
         }

@@ -204,6 +204,26 @@ impl Frustum {
     }
 
     pub(crate) fn hit(&self, origin_m: Vector, direction: Vector) -> Option<Hit> {
+        let (along, p) = self.meets(origin_m, direction, 1.0)?;
+        let turn = libm::atan2(p[1], p[0]) * (1.0 / TAU);
+        let turn = if turn < 0.0 { turn + 1.0 } else { turn };
+        let column = (turn * self.columns as f64) as usize;
+        let row = ((1.0 - p[2] / self.height_m) * self.rows as f64) as usize;
+        let (row, column) = (row.min(self.rows - 1), column.min(self.columns - 1));
+        Some(Hit {
+            bin: row * self.columns + column,
+            point_m: add(self.base_m, self.to_world(p)),
+            along,
+        })
+    }
+
+    /// Where a ray comes to it from within, through an open end, in lengths of its direction.
+    pub(super) fn back(&self, origin_m: Vector, direction: Vector) -> Option<f64> {
+        self.meets(origin_m, direction, -1.0).map(|found| found.0)
+    }
+
+    /// Where a ray first meets it from outside (`side` 1) or from within (-1), along the ray and in its own frame.
+    fn meets(&self, origin_m: Vector, direction: Vector, side: f64) -> Option<(f64, Vector)> {
         let o = self.to_local(sub(origin_m, self.base_m));
         let d = self.to_local(direction);
         let k = self.growth();
@@ -230,19 +250,8 @@ impl Frustum {
                 && along.is_finite()
                 && (0.0..=self.height_m).contains(&p[2])
                 && radius_m >= 0.0
-                && toward < 0.0;
-            lit.then(|| {
-                let turn = libm::atan2(p[1], p[0]) * (1.0 / TAU);
-                let turn = if turn < 0.0 { turn + 1.0 } else { turn };
-                let column = (turn * self.columns as f64) as usize;
-                let row = ((1.0 - p[2] / self.height_m) * self.rows as f64) as usize;
-                let (row, column) = (row.min(self.rows - 1), column.min(self.columns - 1));
-                Hit {
-                    bin: row * self.columns + column,
-                    point_m: add(self.base_m, self.to_world(p)),
-                    along,
-                }
-            })
+                && side * toward < 0.0;
+            lit.then_some((along, p))
         })
     }
 }

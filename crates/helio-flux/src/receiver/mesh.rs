@@ -127,6 +127,21 @@ impl MeshReceiver {
     }
 
     pub(crate) fn hit(&self, origin_m: Vector, direction: Vector) -> Option<Hit> {
+        let (along, bin) = self.nearest(origin_m, direction, 1.0)?;
+        Some(Hit {
+            bin,
+            point_m: add(origin_m, scale(direction, along)),
+            along,
+        })
+    }
+
+    /// Where a ray meets the first of the triangles whose back it comes to, in lengths of its direction.
+    pub(super) fn back(&self, origin_m: Vector, direction: Vector) -> Option<f64> {
+        self.nearest(origin_m, direction, -1.0).map(|found| found.0)
+    }
+
+    /// The nearest triangle that a ray meets on its lit side (`side` 1) or its back (-1), and how far along.
+    fn nearest(&self, origin_m: Vector, direction: Vector, side: f64) -> Option<(f64, usize)> {
         let inverse = direction.map(|x| 1.0 / x);
         let nearest = core::cell::Cell::new((f64::INFINITY, usize::MAX));
         self.tree.visit(
@@ -134,7 +149,7 @@ impl MeshReceiver {
             |k| {
                 let triangle = &self.triangles[k];
                 if let Some(along) = meets(triangle.corners_m(), origin_m, direction)
-                    && dot(direction, triangle.normal()) < 0.0
+                    && side * dot(direction, triangle.normal()) < 0.0
                     && (along, k) < nearest.get()
                 {
                     nearest.set((along, k));
@@ -142,11 +157,7 @@ impl MeshReceiver {
             },
         );
         let (along, bin) = nearest.get();
-        (bin < self.triangles.len()).then(|| Hit {
-            bin,
-            point_m: add(origin_m, scale(direction, along)),
-            along,
-        })
+        (bin < self.triangles.len()).then_some((along, bin))
     }
 }
 

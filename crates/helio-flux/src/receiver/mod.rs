@@ -217,6 +217,18 @@ impl Receiver {
         }
     }
 
+    /// Where a ray comes to the back of the lit side, in lengths of its direction; `None` if it does not, or meets the
+    /// lit side before.
+    pub(crate) fn back_first(&self, origin_m: [f64; 3], direction: [f64; 3]) -> Option<f64> {
+        let back = match self {
+            Self::Plane(plane) => plane.back(origin_m, direction),
+            Self::Frustum(frustum) => frustum.back(origin_m, direction),
+            Self::Mesh(mesh) => mesh.back(origin_m, direction),
+        }?;
+        let lit = self.hit(origin_m, direction);
+        lit.is_none_or(|lit| back < lit.along).then_some(back)
+    }
+
     /// Where a ray first meets the lit side, ahead of its origin; `None` if it misses.
     ///
     /// `direction` may have any length.

@@ -145,9 +145,23 @@ impl Plane {
     }
 
     pub(crate) fn hit(&self, origin_m: Vector, direction: Vector) -> Option<Hit> {
+        (dot(direction, self.normal) < 0.0)
+            .then(|| self.crossing(origin_m, direction))
+            .flatten()
+    }
+
+    /// Where a ray comes to its back, in lengths of its direction.
+    pub(super) fn back(&self, origin_m: Vector, direction: Vector) -> Option<f64> {
+        let crossing = || self.crossing(origin_m, direction);
+        let found = (dot(direction, self.normal) > 0.0).then(crossing).flatten();
+        found.map(|hit| hit.along)
+    }
+
+    /// Where a ray goes through it, from either side.
+    fn crossing(&self, origin_m: Vector, direction: Vector) -> Option<Hit> {
         let toward = dot(direction, self.normal);
         let along = -dot(sub(origin_m, self.centre_m), self.normal) / toward;
-        if !(toward < 0.0 && along > 0.0) {
+        if along.is_nan() || along <= 0.0 {
             return None;
         }
         let point_m = add(origin_m, scale(direction, along));

@@ -255,3 +255,67 @@ fn what_a_body_leaves_aside_is_counted() {
     let named = ridge.mirror(&Pick::Surface("BOTH"), &up).unwrap();
     assert_eq!((named.faces().len(), named.left_aside().faces()), (2, 0));
 }
+
+// Two parts of one glass, each with nodes of its own (as a file of six digits rounds them), shells and solids: what stands
+// where another does counts once, whichever way round it is wound; what stands elsewhere, however near, counts.
+#[test]
+fn parts_that_stand_one_on_the_other_count_once() {
+    let part = |first: u32, z: f64, last: f64| {
+        let at = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)];
+        let node = |(k, (x, y)): (u32, &(f64, f64))| {
+            format!("{},{},{},{z}\n", first + k, x + last, y - last)
+        };
+        (0..).zip(&at).map(node).collect::<String>()
+    };
+    let up = toward([0.0, 0.0, 1.0]);
+    let model = |z: f64, last: f64| {
+        mesh(&format!(
+            "*NODE\n{}{}{}*ELEMENT,TYPE=S4,ELSET=A\n1,1,2,3,4\n*ELEMENT,TYPE=S4,ELSET=B\n2,14,13,12,11\n\
+             *ELEMENT,TYPE=S4,ELSET=A\n3,21,22,23,24\n",
+            part(1, 0.0, 0.0),
+            part(11, z, last),
+            part(21, 10.0, 0.0)
+        ))
+    };
+    for last in [0.0, 4e-6] {
+        let mirror = model(0.0, last).mirror(&Pick::All, &up).unwrap();
+        let again = mirror.coincident();
+        assert_eq!((mirror.faces().len(), again.first()), (2, &[2][..]));
+        assert_eq!((again.count(), mirror.unusable().count()), (1, 0));
+    }
+    // the second part alone is a mirror like any other
+    let alone = model(0.0, 0.0).mirror(&Pick::ElementSet("B"), &up).unwrap();
+    assert_eq!((alone.faces().len(), alone.coincident().count()), (1, 0));
+    // half a millimetre apart: two
+    let apart = model(5e-4, 0.0).mirror(&Pick::All, &up).unwrap();
+    assert_eq!((apart.faces().len(), apart.coincident().count()), (3, 0));
+    // a shell on the face of a solid that has other nodes
+    let glass = "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,0,0,.1\n6,1,0,.1\n7,1,1,.1\n8,0,1,.1\n\
+        15,0,0,.1\n16,1,0,.1\n17,1,1,.1\n18,0,1,.1\n*ELEMENT,TYPE=C3D8\n1,1,2,3,4,5,6,7,8\n\
+        *ELEMENT,TYPE=S4\n2,15,16,17,18\n";
+    let mirror = mesh(glass).mirror(&Pick::All, &up).unwrap();
+    assert_eq!((mirror.faces().len(), mirror.coincident().count()), (1, 1));
+}
+
+// Elements far smaller than a millionth of the mesh's extent stay apart from their neighbours.
+#[test]
+fn small_faces_far_apart_are_not_taken_for_one() {
+    let mut model = String::from("*NODE\n");
+    let mut elements = String::from("*ELEMENT,TYPE=S3\n");
+    for k in 0..40 {
+        let (first, x) = (10 * k + 1, 1e-7 * f64::from(k));
+        model += &format!(
+            "{first},{x},0,0\n{},{},0,0\n{},{x},1e-7,0\n",
+            first + 1,
+            x + 1e-7,
+            first + 2
+        );
+        elements += &format!("{},{first},{},{}\n", k + 1, first + 1, first + 2);
+    }
+    model += "901,1,0,0\n902,1,1,0\n903,0,1,0\n";
+    elements += "99,901,902,903\n";
+    let mirror = mesh(&(model + &elements))
+        .mirror(&Pick::All, &toward([0.0, 0.0, 1.0]))
+        .unwrap();
+    assert_eq!((mirror.faces().len(), mirror.coincident().count()), (41, 0));
+}

@@ -300,3 +300,32 @@ fn faulty_elements_are_named_and_counted() {
          2 elements that stand twice: 3, 1"
     );
 }
+
+// Nodes between corners carry no light, and their element is used; a solver would not have solved it, so it is said.
+#[test]
+fn missing_nodes_between_corners_are_named() {
+    let nodes = "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,.5,0,0\n6,1,.5,0\n7,.5,1,0\n";
+    let element = "*ELEMENT,TYPE=S8R\n1,1,2,3,4,5,6,7,8\n*ELEMENT,TYPE=S6\n2,1,2,3,5,6,9\n";
+    // in either order of the file
+    for model in [format!("{nodes}{element}"), format!("{element}{nodes}")] {
+        let mesh = inp::mesh("m", model.as_bytes(), &DEFAULT()).unwrap();
+        let faults = mesh.faults();
+        assert_eq!(faults.missing_mid_nodes.first(), [1, 2]);
+        assert_eq!(faults.missing_mid_nodes.nodes(), [8, 9]);
+        assert_eq!(
+            faults.to_string(),
+            "2 elements with nodes between corners that the mesh does not have: 1 wants node 8, 2 wants node 9"
+        );
+        assert!(mesh.elements().all(|e| e.3 == ElementStatus::Ok));
+    }
+}
+
+#[test]
+fn one_element_stands_twice() {
+    let model = "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n*ELEMENT,TYPE=S3\n1,1,2,3\n2,3,1,2\n*SURFACE,NAME=S\n1,S4\n";
+    let mesh = inp::mesh("m", model.as_bytes(), &DEFAULT()).unwrap();
+    assert_eq!(
+        mesh.faults().to_string(),
+        "1 element that stands twice: 2\n1 element named in a surface with a face it does not have: 1"
+    );
+}

@@ -290,11 +290,25 @@ fn conflict(section: &Section<'_>, key: &Key, message: String) -> IoError {
 
 /// What the library says of a value, at the key of that name.
 fn refused(section: &Section<'_>, known: &[&Key], otherwise: &Key, error: &FluxError) -> IoError {
-    let named = match error {
-        FluxError::BadValue { what, .. } => known.iter().find(|key| key.name == *what),
-        _ => None,
+    let what = match error {
+        FluxError::BadValue { what, .. } => *what,
+        _ => "",
     };
-    let key = named.copied().unwrap_or(otherwise);
+    let count = |key| section.number(key).ok().flatten().unwrap_or(0.0);
+    // The library has names of its own for these: the key that is in the file, of several.
+    let names: &[&str] = match what {
+        "bins" if count(&keys::COLUMNS) > count(&keys::ROWS) => &["columns", "rows"],
+        "bins" => &["rows", "columns"],
+        "normal" => &["facing"],
+        "greater radius" | "smaller radius" => &["base_radius_m", "radius_m"],
+        _ => &[what],
+    };
+    let mut named = names
+        .iter()
+        .filter_map(|name| known.iter().find(|key| key.name == *name).copied());
+    let first = named.clone().next();
+    let key = named.find(|key| section.has(key)).or(first);
+    let key = key.unwrap_or(otherwise);
     conflict(section, key, error.to_string())
 }
 

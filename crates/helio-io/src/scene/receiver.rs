@@ -195,6 +195,14 @@ fn mesh(
             aside.faces()
         ));
     }
+    let again = lit.coincident();
+    if again.count() > 0 {
+        warnings.push(format!(
+            "{}: elements on the same places as others, with nodes of their own, are left out, {} in all: {again}",
+            path.display(),
+            again.count()
+        ));
+    }
     let at = |node: u32| lit.position_m()[node as usize];
     let mut triangles = Vec::new();
     for face in lit.faces() {

@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 mod angles;
+mod any_scene;
 mod calibrated;
 mod files;
 mod foreign;
@@ -12,5 +13,6 @@ mod joining;
 mod messages;
 mod observations;
 mod robust;
+mod scenes;
 mod schema;
 mod state;

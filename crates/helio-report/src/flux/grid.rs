@@ -241,6 +241,9 @@ impl<'a> Checked<'a> {
 
     fn words(&self) -> String {
         let mean = self.power_w / self.area_m2;
+        if self.peak.0 <= 0.0 {
+            return "power 0\u{202f}W: no light".to_owned();
+        }
         let [x, y] = self.peak_m.map(figures);
         let place = match self.map.surface {
             Surface::Plane { .. } => format!("{x}\u{202f}m right, {y}\u{202f}m down"),
@@ -259,7 +262,8 @@ impl<'a> Checked<'a> {
 
     fn more_words(&self, view: &View, lines: &Contours) -> String {
         let mut words = Vec::new();
-        if let Some(dni) = self.map.text.dni_w_m2 {
+        let dni_w_m2 = self.map.text.dni_w_m2.filter(|_| self.peak.0 > 0.0);
+        if let Some(dni) = dni_w_m2 {
             let mean = self.power_w / self.area_m2;
             let (peak, mean) = (figures(self.peak.0 / dni), figures(mean / dni));
             words.push(format!(

@@ -137,7 +137,13 @@ fn table(table: &Table) -> String {
     let mut html = format!("<h2>{}</h2>\n", Escaped(&table.title));
     html.push_str("<div class=\"scroll\"><table><thead><tr>");
     for (k, name) in table.head.iter().enumerate() {
-        let _ = write!(html, "<th{}>{}</th>", class(k), Escaped(name));
+        // Names of columns may break: seven of them are wider than the page.
+        let _ = write!(
+            html,
+            "<th{} style=\"white-space:normal;vertical-align:bottom\">{}</th>",
+            class(k),
+            Escaped(name)
+        );
     }
     html.push_str("</tr></thead>\n");
     for row in &table.rows {

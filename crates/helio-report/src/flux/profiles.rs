@@ -52,7 +52,12 @@ pub fn grid_profiles(map: &GridMap<'_>) -> Result<Figure, FigureError> {
         other: (peak_column, columns),
     };
     let mut figure = Figure::new(WIDTH, 34.0 + 2.0 * (HEIGHT + 100.0));
-    figure.text(LEFT, 26.0, TITLE, "Profiles through the peak");
+    let title = if checked.peak.0 > 0.0 {
+        "Profiles through the peak"
+    } else {
+        "Profiles: no light"
+    };
+    figure.text(LEFT, 26.0, TITLE, title);
     along_row.draw(&mut figure, 44.0, &checked, 0);
     along_column.draw(&mut figure, 44.0 + HEIGHT + 100.0, &checked, 1);
     Ok(figure)
@@ -109,8 +114,13 @@ impl Profile {
         let [one, all] = self.words;
         let other = checked.peak_m[1 - side];
         let direction = if side == 0 { "down" } else { "across" };
+        let of_what = if checked.peak.0 > 0.0 {
+            "of the peak"
+        } else {
+            "without light"
+        };
         let through = format!(
-            "{one} of the peak, {}\u{202f}m {direction} ({} of {})",
+            "{one} {of_what}, {}\u{202f}m {direction} ({} of {})",
             figures(other),
             self.other.0 + 1,
             self.other.1

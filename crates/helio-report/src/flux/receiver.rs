@@ -126,12 +126,16 @@ fn mesh_map(receiver: &Receiver, map: &FluxMap, text: &MapText<'_>) -> Result<Fi
         .map(|v| v * unit.factor)
         .collect();
     let mean = power_w / area_m2;
-    let mut words = vec![format!(
-        "power {}, mean {}",
-        units::with(power_w, units::power(power_w)),
-        units::with(mean, unit)
-    )];
-    if let Some(dni) = text.dni_w_m2 {
+    let mut words = vec![if peak > 0.0 {
+        format!(
+            "power {}, mean {}",
+            units::with(power_w, units::power(power_w)),
+            units::with(mean, unit)
+        )
+    } else {
+        "power 0\u{202f}W: no light".to_owned()
+    }];
+    if let Some(dni) = text.dni_w_m2.filter(|_| peak > 0.0) {
         let (peak, mean) = (figures(peak / dni), figures(mean / dni));
         words.push(format!(
             "concentration {peak} at the peak, {mean} in the mean"

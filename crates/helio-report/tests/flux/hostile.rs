@@ -42,7 +42,12 @@ fn odd_maps_are_drawn() {
         read(&grid_profiles(&map).unwrap());
     }
     let drawing = read(&grid_map(&plane(&dark, 10, 10)).unwrap());
-    assert!(drawing.marks.is_empty() && drawing.says("power 0\u{202f}W"));
+    assert!(drawing.marks.is_empty() && drawing.says("power 0\u{202f}W: no light"));
+    // no bin of it is a peak
+    for figure in [grid_map, grid_profiles] {
+        let drawn = figure(&plane(&dark, 10, 10)).unwrap().to_svg();
+        assert!(!drawn.contains("peak"), "{drawn}");
+    }
     // needles are stretched to be seen, and say so
     for size in [[1e-3, 5.0], [80.0, 0.01], [1e4, 1e-3]] {
         let map = GridMap {

@@ -126,11 +126,15 @@ pub(super) fn run(frame: &Path, args: &FluxArgs, printer: &Printer) -> Result<Ou
     let peak = peak_of(seen.as_ref(), &image.irradiance_w_m2, picture.columns);
     let suns = |flux: f64| dni_w_m2.filter(|dni| *dni > 0.0).map(|dni| flux / dni);
     let words = suns(peak.0).map_or(String::new(), |suns| format!(" ({suns:.2} suns)"));
-    printer.say(format_args!(
-        "peak {}{words} at {}",
-        summary::flux(peak.0),
-        peak.1
-    ));
+    if peak.0 > 0.0 {
+        printer.say(format_args!(
+            "peak {}{words} at {}",
+            summary::flux(peak.0),
+            peak.1
+        ));
+    } else {
+        printer.say(format_args!("no light on the target"));
+    }
     let drawn = plots::draw(args, || plot(frame, seen.as_ref(), dni_w_m2))?;
     write_map(
         &outputs,
@@ -290,7 +294,7 @@ impl Seen {
     fn json(&self, dni_w_m2: Option<f64>) -> Value {
         let count = self.known().count();
         let mean_w_m2 = self.known().map(|(_, flux)| flux).sum::<f64>() / count as f64;
-        let (_, [u_m, v_m]) = self.peak();
+        let (most, at_m) = self.peak();
         json!({
             "width_m": self.size_m[0],
             "height_m": self.size_m[1],
@@ -300,7 +304,7 @@ impl Seen {
             "power_w": self.known().map(|(_, flux)| flux * self.bin_m2()).sum::<f64>(),
             "mean_flux_w_m2": mean_w_m2,
             "mean_concentration": dni_w_m2.filter(|dni| *dni > 0.0).map(|dni| mean_w_m2 / dni),
-            "peak_u_v_m": [u_m, v_m],
+            "peak_u_v_m": (most > 0.0).then_some(at_m),
         })
     }
 

@@ -9,6 +9,7 @@ use helio_io::{LoadedField, SceneOf, format_time};
 use serde_json::{Map, Value, json};
 
 use super::super::track::latitude_rad;
+use super::arrival::Arrival;
 use super::outputs::Outputs;
 use super::plots::{self, Plot};
 use super::summary;
@@ -51,7 +52,9 @@ pub(super) fn run(
     let sun = sun.as_enu();
     let toward = [sun.east, sun.north, sun.up];
     let map = super::light(&scene, &mirrors.elements, toward, threads, printer)?;
+    let arrival = Arrival::of(&scene, &mirrors.elements, toward, &map)?;
     summary::say_account(map.account(), printer);
+    arrival.say(printer);
     summary::say_peak(&scene.receiver, &map, scene.sun.dni_w_m2, printer);
     let drawn = plots::draw(args, || {
         let name = path.display();
@@ -64,7 +67,11 @@ pub(super) fn run(
             title: format!("Flux of {name}"),
             facts,
             account: Some(map.account()),
-            figures: vec![plots::of_receiver(&scene, &map, &block.describe(0))?],
+            figures: vec![plots::of_receiver(
+                &scene,
+                &map,
+                &format!("Flux, sun at {}", block.describe(0)),
+            )?],
             notes: vec!["Heliostats that cannot track neither shade nor block others.".to_owned()],
             ..Plot::default()
         })
@@ -88,12 +95,12 @@ pub(super) fn run(
         "mirror_area_m2": mirrors.elements.iter().map(helio_flux::Element::area_m2).sum::<f64>(),
         "scene": super::about_scene(&scene, toward),
         "power": summary::account(map.account()),
-        "receiver": summary::receiver(&scene.receiver, &map, scene.sun.dni_w_m2),
+        "receiver": summary::receiver(&scene.receiver, &map, scene.sun.dni_w_m2, &arrival),
         "files": super::hashes(&inputs)?,
         "version": env!("CARGO_PKG_VERSION"),
     });
     outputs.summary(&found, printer)?;
-    Ok(if tally.failed() > 0 {
+    Ok(if tally.failed() > 0 || arrival.is_nothing() {
         Outcome::SomeRowsFailed
     } else {
         Outcome::Good

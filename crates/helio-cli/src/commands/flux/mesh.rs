@@ -10,6 +10,7 @@ use helio_io::{
 use helio_report::flux::slope_figure;
 use serde_json::{Value, json};
 
+use super::arrival::Arrival;
 use super::outputs::{self, Outputs};
 use super::plots::{self, Plot};
 use super::shapes::Shapes;
@@ -38,17 +39,24 @@ pub(super) fn run(
             "--slopes: the mesh has no displacements; wanted --displacements",
         ));
     }
+    if args.slopes.is_some() && args.structure.method == DeformWord::Unloaded {
+        return Err(Failure::refused(
+            "--slopes: with --method unloaded the mirror has no slope errors; wanted elements, pose or rigid",
+        ));
+    }
     let shapes = Shapes::of(&read, args.structure.method, scene.mirror.axis)?;
     read.say(model, printer);
     shapes.say(printer);
     let elements = shapes.elements(scene.mirror.reflectivity)?;
     let sun = sun(&scene);
     let map = super::light(&scene, &elements, sun, threads, printer)?;
+    let arrival = Arrival::of(&scene, &elements, sun, &map)?;
     summary::say_account(map.account(), printer);
+    arrival.say(printer);
     let dni_w_m2 = scene.sun.dni_w_m2;
     summary::say_peak(&scene.receiver, &map, dni_w_m2, printer);
     let left_out = shapes.left_out();
-    let found = found(model, &scene, &read, &shapes, &map, &inputs)?;
+    let found = found(model, &scene, &read, &shapes, (&map, &arrival), &inputs)?;
     let drawn = plots::draw(args, || plot(model, &scene, &read, &shapes, &map))?;
     outputs.map(&scene.receiver, &map, ["x_m", "y_m", "z_m"], printer)?;
     if let (Some(path), Some(traced)) = (&args.slopes, &shapes.traced_slopes()) {
@@ -58,11 +66,13 @@ pub(super) fn run(
         drawn.write()?;
     }
     outputs.summary(&found, printer)?;
-    Ok(if left_out > 0 || read.is_part_missing() {
-        Outcome::SomeRowsFailed
-    } else {
-        Outcome::Good
-    })
+    Ok(
+        if left_out > 0 || read.is_part_missing() || arrival.is_nothing() {
+            Outcome::SomeRowsFailed
+        } else {
+            Outcome::Good
+        },
+    )
 }
 
 fn sun(scene: &FluxScene) -> [f64; 3] {
@@ -140,15 +150,21 @@ impl Read {
         for (fault, what) in [
             (
                 mirror.unusable(),
-                "of the mirror without a face of their own",
+                "of the mirror without a face of THEIR own",
+            ),
+            (
+                mirror.coincident(),
+                "on the same places as others, with nodes of THEIR own, and left out",
             ),
             (
                 mirror.rewound(),
-                "wound the other way round than their neighbours, and turned",
+                "wound the other way round than THEIR neighbours, and turned",
             ),
         ] {
             if fault.count() > 0 {
                 let count = Counted(fault.count() as usize, "element");
+                let whose = if fault.count() == 1 { "its" } else { "their" };
+                let what = what.replace("THEIR", whose);
                 printer.warn(format_args!("{}: {count} {what}: {fault}", model.display()));
             }
         }
@@ -166,6 +182,7 @@ impl Read {
     /// Whether elements or faces that may belong to the mirror are not in it.
     fn is_part_missing(&self) -> bool {
         self.mirror.unusable().count() > self.mirror.covered()
+            || self.mirror.coincident().count() > 0
             || self.mirror.left_aside().part() > RIMS
     }
 
@@ -211,6 +228,7 @@ impl Read {
                 "patches": self.mirror.left_aside().patches(),
                 "part_of_area": self.mirror.left_aside().part(),
             },
+            "elements_coincident": fault_json(self.mirror.coincident()),
             "elements_turned": fault_json(self.mirror.rewound()),
             "nodes_without_displacement": numbers_json(&self.matched.without),
             "displacements_of_unknown_nodes": numbers_json(&self.matched.unknown),
@@ -295,6 +313,7 @@ fn fault_json(fault: &Fault) -> Value {
 fn faults_json(faults: &Faults) -> Value {
     json!({
         "missing_nodes": fault_json(&faults.missing_nodes),
+        "missing_mid_nodes": fault_json(&faults.missing_mid_nodes),
         "degenerate": fault_json(&faults.degenerate),
         "inverted": fault_json(&faults.inverted),
         "duplicate": fault_json(&faults.duplicate),
@@ -307,7 +326,7 @@ fn found(
     scene: &FluxScene,
     read: &Read,
     shapes: &Shapes,
-    map: &FluxMap,
+    (map, arrival): (&FluxMap, &Arrival),
     inputs: &[PathBuf],
 ) -> Result<Value, Failure> {
     Ok(json!({
@@ -316,7 +335,7 @@ fn found(
         "slope_errors": shapes.json(),
         "scene": super::about_scene(scene, sun(scene)),
         "power": summary::account(map.account()),
-        "receiver": summary::receiver(&scene.receiver, map, scene.sun.dni_w_m2),
+        "receiver": summary::receiver(&scene.receiver, map, scene.sun.dni_w_m2, arrival),
         "files": super::hashes(inputs)?,
         "version": env!("CARGO_PKG_VERSION"),
     }))
@@ -367,7 +386,7 @@ fn plot<'a>(
 
 fn notes(read: &Read, shapes: &Shapes) -> Vec<String> {
     let mut notes = Vec::new();
-    if read.loaded {
+    if shapes.traced_slopes().is_some() {
         notes.push(
             "Of the slope errors by method, elements is planar element substitution, pose mirror pose reconstruction from \
              three points, rigid the same by least squares. Off elements is the largest angle between normals by that \
@@ -384,6 +403,13 @@ fn notes(read: &Read, shapes: &Shapes) -> Vec<String> {
         .map(str::to_owned)
         .collect();
     notes.extend(faults);
+    let again = read.mirror.coincident();
+    if again.count() > 0 {
+        let count = Counted(again.count() as usize, "element");
+        notes.push(format!(
+            "{count} on the same places as others left out: {again}."
+        ));
+    }
     let left_out = shapes.left_out();
     if left_out > 0 {
         notes.push(format!(

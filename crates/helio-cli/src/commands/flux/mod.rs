@@ -1,6 +1,8 @@
 //! `flux`: irradiance on a receiver, from a loaded structure, a field of heliostats, or a camera's picture.
 
+mod arrival;
 mod camera;
+mod digits;
 mod field;
 mod mesh;
 mod outputs;
@@ -35,7 +37,12 @@ pub(crate) fn run(args: &FluxArgs, printer: &Printer) -> Result<Outcome, Failure
         ] {
             if given {
                 return Err(Failure::refused(format!(
-                    "{option} is of --field; the sun of a mesh is `toward` of [sun] in its scene"
+                    "{option} is of --field; {}",
+                    if args.camera.is_some() {
+                        "a picture wants no sun, and its direct irradiance is --dni-w-m2 or --global-diffuse-w-m2"
+                    } else {
+                        "the sun of a mesh is `toward` of [sun] in its scene"
+                    }
                 )));
             }
         }

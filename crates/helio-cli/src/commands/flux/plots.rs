@@ -87,8 +87,11 @@ pub(super) fn of_receiver(
         subtitle: "",
     };
     let figure = receiver_figure(&scene.receiver, map, &text)?;
-    let caption = "Irradiance of the receiver as someone facing it sees it, and along the row and the column of the \
-                   peak.";
+    let caption = if map.peak().0 > 0.0 {
+        "Irradiance of the receiver as someone facing it sees it, and along the row and the column of the peak."
+    } else {
+        "The receiver as someone facing it sees it: no light."
+    };
     Ok((figure, caption.to_owned()))
 }
 

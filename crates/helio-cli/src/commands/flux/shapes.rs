@@ -82,9 +82,10 @@ impl Shapes {
         &self.all[row.min(self.all.len() - 1)]
     }
 
-    /// Its slope errors, where there is a load.
+    /// Its slope errors, where there is a load and it is traced.
     pub(super) fn traced_slopes(&self) -> Option<&SlopeErrors> {
-        self.loaded.then(|| &self.traced().slopes)
+        let bent = self.loaded && self.method != DeformWord::Unloaded;
+        bent.then(|| &self.traced().slopes)
     }
 
     pub(super) fn elements(&self, reflectivity: f64) -> Result<Vec<Element>, Failure> {
@@ -111,6 +112,12 @@ impl Shapes {
         if !self.loaded {
             printer.note(format_args!(
                 "no displacements given: the mirror is as it was drawn"
+            ));
+            return;
+        }
+        if self.method == DeformWord::Unloaded {
+            printer.note(format_args!(
+                "--method unloaded: the mirror is as it was drawn; the slope errors of its load are told by the others"
             ));
             return;
         }
@@ -180,7 +187,7 @@ impl Shapes {
     }
 
     pub(super) fn json(&self) -> Value {
-        if !self.loaded {
+        if self.traced_slopes().is_none() {
             return Value::Null;
         }
         let methods: Vec<Value> = self

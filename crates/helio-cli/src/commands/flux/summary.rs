@@ -3,6 +3,8 @@
 use helio_flux::{Account, FluxMap, Receiver};
 use serde_json::{Map, Value, json};
 
+use super::arrival::Arrival;
+use super::digits::{decimals, unit_of};
 use crate::failure::Failure;
 use crate::printer::Printer;
 
@@ -29,8 +31,15 @@ impl Peak {
 }
 
 /// What a map says of its receiver.
-pub(super) fn receiver(receiver: &Receiver, map: &FluxMap, dni_w_m2: f64) -> Value {
+pub(super) fn receiver(
+    receiver: &Receiver,
+    map: &FluxMap,
+    dni_w_m2: f64,
+    arrival: &Arrival,
+) -> Value {
     let peak = Peak::of(receiver, map);
+    // Where there is no light, no bin is the brightest.
+    let place = Some(&peak).filter(|peak| peak.flux_w_m2 > 0.0);
     let concentration = |flux_w_m2: f64| (dni_w_m2 > 0.0).then(|| flux_w_m2 / dni_w_m2);
     let shape = match receiver {
         Receiver::Plane(_) => "plane",
@@ -44,12 +53,13 @@ pub(super) fn receiver(receiver: &Receiver, map: &FluxMap, dni_w_m2: f64) -> Val
         "columns": receiver.columns(),
         "peak_flux_w_m2": peak.flux_w_m2,
         "peak_concentration": concentration(peak.flux_w_m2),
-        "peak_row": peak.bin / receiver.columns(),
-        "peak_column": peak.bin % receiver.columns(),
-        "peak_u_v_m": peak.uv_m,
-        "peak_at_m": peak.at_m,
+        "peak_row": place.map(|peak| peak.bin / receiver.columns()),
+        "peak_column": place.map(|peak| peak.bin % receiver.columns()),
+        "peak_u_v_m": place.map(|peak| peak.uv_m),
+        "peak_at_m": place.map(|peak| peak.at_m),
         "mean_flux_w_m2": peak.mean_w_m2,
         "mean_concentration": concentration(peak.mean_w_m2),
+        "lit_from_behind_w": arrival.behind_w,
     })
 }
 
@@ -103,15 +113,6 @@ fn adding_up(values: &[f64], step: f64) -> Vec<f64> {
     whole.into_iter().map(|value| value * step).collect()
 }
 
-/// Powers as people read them: the unit, what it is of a watt, and its decimals.
-fn unit_of(power_w: f64) -> (&'static str, f64, usize) {
-    match power_w {
-        w if w >= 1e7 => ("MW", 1e6, 3),
-        w if w >= 1e4 => ("kW", 1e3, 3),
-        _ => ("W", 1.0, 2),
-    }
-}
-
 /// Where the light went, in one line whose numbers add up as printed.
 pub(super) fn say_account(account: &Account, printer: &Printer) {
     let (unit, of_watt, decimals) = unit_of(account.incoming_w);
@@ -140,17 +141,35 @@ pub(super) fn say_account(account: &Account, printer: &Printer) {
     }
 }
 
+/// A power as people read it.
+pub(super) fn power(power_w: f64) -> String {
+    let (unit, of_watt, decimals) = unit_of(power_w);
+    format!("{:.decimals$} {unit}", power_w / of_watt)
+}
+
 /// Flux as people read it.
 pub(super) fn flux(value_w_m2: f64) -> String {
-    if value_w_m2 >= 1e4 {
-        format!("{:.3} kW/m²", value_w_m2 / 1e3)
+    let (unit, value, least) = if value_w_m2 >= 1e4 {
+        ("kW/m²", value_w_m2 / 1e3, 3)
     } else {
-        format!("{value_w_m2:.1} W/m²")
-    }
+        ("W/m²", value_w_m2, 1)
+    };
+    let decimals = decimals(value, 4, least);
+    format!("{value:.decimals$} {unit}")
 }
 
 pub(super) fn say_peak(receiver: &Receiver, map: &FluxMap, dni_w_m2: f64, printer: &Printer) {
     let peak = Peak::of(receiver, map);
+    let area_m2 = receiver.area_m2();
+    let area = decimals(area_m2, 3, 4);
+    if peak.flux_w_m2 <= 0.0 {
+        printer.say(format_args!(
+            "no light on the {area_m2:.area$} m² of the receiver"
+        ));
+        return;
+    }
+    // A thousandth of the receiver, and no coarser than a millimetre.
+    let fine = decimals(receiver.radius_m(), 4, 3);
     let suns = |flux_w_m2: f64| {
         if dni_w_m2 > 0.0 {
             format!(" ({:.2} suns)", flux_w_m2 / dni_w_m2)
@@ -159,19 +178,18 @@ pub(super) fn say_peak(receiver: &Receiver, map: &FluxMap, dni_w_m2: f64, printe
         }
     };
     let place = match peak.uv_m {
-        Some([u_m, v_m]) => format!("u {u_m:.3} m, v {v_m:.3} m"),
+        Some([u_m, v_m]) => format!("u {u_m:.fine$} m, v {v_m:.fine$} m"),
         None => {
             let [x, y, z] = peak.at_m;
-            format!("x {x:.3} m, y {y:.3} m, z {z:.3} m")
+            format!("x {x:.fine$} m, y {y:.fine$} m, z {z:.fine$} m")
         }
     };
     printer.say(format_args!(
-        "peak {}{} at {place}; mean {}{} over {:.4} m²",
+        "peak {}{} at {place}; mean {}{} over {area_m2:.area$} m²",
         flux(peak.flux_w_m2),
         suns(peak.flux_w_m2),
         flux(peak.mean_w_m2),
-        suns(peak.mean_w_m2),
-        receiver.area_m2()
+        suns(peak.mean_w_m2)
     ));
 }
 

@@ -135,6 +135,7 @@ impl Grid {
             }
             corners.clear();
             corners.extend(order.iter().take(shape.corners()).map(|&k| points[k]));
+            corners.extend_from_slice(&points[shape.corners()..]);
             builder.element(source, id as u64, shape, &corners)?;
         }
         for (name, values) in &self.labels {
