@@ -73,6 +73,7 @@ fn main() -> Result<(), String> {
             let options = ConvolveOptions {
                 points: 16,
                 threads,
+                ..ConvolveOptions::default()
             };
             convolve(&scene, &options).map(|map| power(map.irradiance_w_m2()))
         })

@@ -218,6 +218,7 @@ fn rays_and_convolution_agree() {
                 &ConvolveOptions {
                     points: 3,
                     threads: 2,
+                    ..ConvolveOptions::default()
                 },
             )
             .unwrap();
@@ -243,6 +244,7 @@ fn rays_and_convolution_agree() {
                 &ConvolveOptions {
                     points: 3,
                     threads: 1,
+                    ..ConvolveOptions::default()
                 },
             )
             .unwrap();

@@ -1,25 +1,30 @@
 //! From elements to the flux on a receiver, by integrals: the outline of every mirror against the cone of the sun.
 
+mod outline;
 mod radial;
+mod refine;
 
+use outline::Outline;
 use radial::Radial;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
+use refine::Integral;
 
 use crate::account::Account;
-use crate::element::Element;
 use crate::error::FluxError;
 use crate::map::FluxMap;
-use crate::parallel::{Going, Watch, over_tasks};
-use crate::receiver::Receiver;
+use crate::parallel::{Going, Watch};
 use crate::trace::Scene;
-use crate::trace::across;
-use crate::vector::{Vector, dot, norm, scale, sub};
+use crate::vector::dot;
 
 /// How a convolution is done. Threads change no bit of the answer.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ConvolveOptions {
-    /// Points along each side of a bin over which its flux is averaged; of a mesh's triangles, its square.
+    /// Points along each side of a bin over which its flux is averaged; of a mesh's triangles, its square. Where
+    /// that is too coarse for the images, the bin gets more.
     pub points: usize,
+    /// Where bins need more points: how much twice as many along each side may change the power of all such bins
+    /// together, as part of the reflected power. And by how much more than is reflected may be received.
+    pub tolerance: f64,
     /// Most threads to use; 0 for as many as the thread pool has.
     pub threads: usize,
 }
@@ -28,6 +33,7 @@ impl Default for ConvolveOptions {
     fn default() -> Self {
         Self {
             points: 2,
+            tolerance: 1e-3,
             threads: 0,
         }
     }
@@ -36,15 +42,16 @@ impl Default for ConvolveOptions {
 /// Incidences that have a widened cone of their own: 64 steps of the cosine change it by less than 1 %.
 const STEPS: usize = 64;
 
-/// Bins of a task for a thread: some 64 tasks for a usual grid.
-const BINS_PER_TASK: usize = 64;
-
 /// The flux on the receiver as an integral over every element.
 ///
 /// A point of the receiver sees a flat mirror show it the sun, and the part of the sun's light that lies within
 /// the mirror's outline is what it gets: E = ρ DNI cos(θ) ∫ B dω over the outline as seen from the point. That is
 /// exact for a flat piece at any distance, and costs no rays; what is left is the average over a bin, for which
 /// `points` squared points stand.
+///
+/// Where these lie farther apart than a quarter of the image of a mirror (its width, or at the bin's distance that of
+/// half the sun's light), the bin is given twice as many along each side until they do not, and twice as many again
+/// until that changes no more than [`ConvolveOptions::tolerance`]. Finer bins keep their points.
 ///
 /// Slope errors widen the cone by 2σ in the plane of incidence and 2σ cos(incidence) across; here they do so all
 /// round by the mean square of the two. Elements neither shade nor block each other here.
@@ -70,7 +77,9 @@ const BINS_PER_TASK: usize = 64;
 /// ```
 ///
 /// # Errors
-/// [`FluxError::BadValue`] for a sun without direction, an irradiance out of range, or `points` outside 1..=64.
+/// [`FluxError::BadValue`] for a sun without direction, an irradiance out of range, `points` outside 1..=64 or a tolerance outside
+/// 1e-6..=1; [`FluxError::NotSettled`] if bins are so coarse that more effort than is reasonable leaves the tolerance
+/// unmet, or more is received than is reflected.
 pub fn convolve(scene: &Scene<'_>, options: &ConvolveOptions) -> Result<FluxMap, FluxError> {
     run(
         scene,
@@ -108,6 +117,14 @@ fn run(
             value: options.points as f64,
         });
     }
+    if !(options.tolerance >= 1e-6 && options.tolerance <= 1.0) {
+        return Err(FluxError::BadValue {
+            who: "convolution",
+            what: "tolerance",
+            wanted: "within 1e-6..=1",
+            value: options.tolerance,
+        });
+    }
     let mut account = Account::default();
     let mut steps = [None; STEPS + 1];
     let mut outlines = Vec::with_capacity(scene.elements.len());
@@ -138,147 +155,17 @@ fn run(
             Some(Radial::new(scene.sun_shape, square.sqrt()))
         })
         .collect();
-    let bin_power = |bin: usize| -> f64 {
-        let points = points_of(scene.receiver, bin, options.points);
-        let count = points.len() as f64;
-        let mut sum = 0.0;
-        for point in points {
-            for outline in &outlines {
-                if let Some(cone) = &cones[outline.step] {
-                    sum += outline.flux_at(&point, cone);
-                }
-            }
-        }
-        sum / count * scene.receiver.bin_area_m2(bin)
+    let reflected_w = account.incoming_w - account.reflection_loss_w;
+    let integral = Integral {
+        receiver: scene.receiver,
+        outlines: &outlines,
+        cones: &cones,
+        threads: options.threads,
+        going,
     };
-    let bins = scene.receiver.bins();
-    let mut power_w = vec![0.0; bins];
-    let tasks = bins.div_ceil(BINS_PER_TASK);
-    let parts = over_tasks(tasks, options.threads, |mine| {
-        let part = |task: usize| {
-            let first = task * BINS_PER_TASK;
-            let last = bins.min(first + BINS_PER_TASK);
-            let power_w: Vec<f64> = (first..last).map(bin_power).collect();
-            going.did((last - first) as u64);
-            (first, power_w)
-        };
-        mine.take_while(|_| going.is_on())
-            .map(part)
-            .collect::<Vec<_>>()
-    });
-    for (first, part) in parts.into_iter().flatten() {
-        power_w[first..first + part.len()].copy_from_slice(&part);
-    }
+    let power_w = integral.power_w(options, reflected_w)?;
     account.received_w = power_w.iter().sum();
-    account.spilled_w = account.incoming_w - account.reflection_loss_w - account.received_w;
+    // What is received beyond all that is reflected is within the tolerance, and told as unaccounted.
+    account.spilled_w = (reflected_w - account.received_w).max(0.0);
     Ok(FluxMap::new(scene.receiver, &power_w, account))
-}
-
-/// A place on the receiver, and the way it faces.
-struct Point {
-    at: Vector,
-    normal: Vector,
-}
-
-/// Points over a bin, each standing for the same area.
-fn points_of(receiver: &Receiver, bin: usize, side: usize) -> Vec<Point> {
-    let place = |k: usize| (k as f64 + 0.5) / side as f64;
-    let normal = receiver.bin_normal(bin);
-    let grid = |at: &dyn Fn(f64, f64) -> (Vector, Vector)| -> Vec<Point> {
-        (0..side * side)
-            .map(|k| {
-                let (at, normal) = at(place(k / side), place(k % side));
-                Point { at, normal }
-            })
-            .collect()
-    };
-    let (row, column) = (bin / receiver.columns(), bin % receiver.columns());
-    let (row, column) = (row as f64, column as f64);
-    match receiver {
-        Receiver::Plane(plane) => grid(&|v, u| (plane.point_m(row + v, column + u), normal)),
-        Receiver::Frustum(round) => {
-            grid(&|v, u| (round.point_m(row + v, column + u), round.normal(column + u)))
-        }
-        Receiver::Mesh(mesh) => {
-            let corners = mesh.corners_m(bin).unwrap_or_default();
-            grid(&|v, u| {
-                // even over a triangle (Osada et al. 2002)
-                let root = v.sqrt();
-                let parts = [1.0 - root, root * (1.0 - u), root * u];
-                let mut at = [0.0; 3];
-                for (corner, part) in corners.iter().zip(parts) {
-                    at = crate::vector::add(at, scale(*corner, part));
-                }
-                (at, normal)
-            })
-        }
-    }
-}
-
-/// An element as the receiver sees it: its corners in axes across and along the middle ray.
-struct Outline {
-    axes: [Vector; 3],
-    corners: [Vector; 4],
-    count: usize,
-    middle: Vector,
-    radius_m: f64,
-    step: usize,
-    strength: f64,
-    normal: Vector,
-    centroid: Vector,
-}
-
-impl Outline {
-    fn new(element: &Element, sun: Vector, step: usize, strength: f64) -> Self {
-        let normal = element.normal();
-        let along = sub(scale(normal, 2.0 * dot(normal, sun)), sun);
-        let [x, y] = across(along);
-        let axes = [x, y, along];
-        let local = |p: Vector| axes.map(|axis| dot(axis, p));
-        let centroid = element.centroid_m();
-        // a bent quadrilateral, moved into its plane
-        let flat = |p: Vector| sub(p, scale(normal, dot(sub(p, centroid), normal)));
-        let mut corners = [[0.0; 3]; 4];
-        let mut radius_m = 0.0_f64;
-        for (to, &from) in corners.iter_mut().zip(element.corners_m()) {
-            *to = local(flat(from));
-            radius_m = radius_m.max(norm(sub(from, centroid)));
-        }
-        Self {
-            axes,
-            corners,
-            count: element.corners_m().len(),
-            middle: local(centroid),
-            radius_m,
-            step,
-            strength,
-            normal,
-            centroid,
-        }
-    }
-
-    /// Irradiance at a point of the receiver \[W/m²\].
-    fn flux_at(&self, point: &Point, cone: &Radial) -> f64 {
-        let facing = -dot(point.normal, self.axes[2]);
-        if facing <= 0.0 || dot(sub(point.at, self.centroid), self.normal) <= 0.0 {
-            return 0.0;
-        }
-        let [x, y, z] = self.axes.map(|axis| dot(axis, point.at));
-        // far from the middle ray nothing of the sun shows
-        let (dx, dy, far) = (self.middle[0] - x, self.middle[1] - y, z - self.middle[2]);
-        let reach = self.radius_m + cone.end * (far + self.radius_m);
-        if far <= 0.0 || dx * dx + dy * dy > reach * reach {
-            return 0.0;
-        }
-        let mut seen = [[0.0; 2]; 4];
-        for (to, corner) in seen.iter_mut().zip(&self.corners[..self.count]) {
-            let distance = z - corner[2];
-            if distance <= 0.0 {
-                return 0.0;
-            }
-            let inverse = 1.0 / distance;
-            *to = [(corner[0] - x) * inverse, (corner[1] - y) * inverse];
-        }
-        self.strength * facing * cone.within(&seen[..self.count])
-    }
 }

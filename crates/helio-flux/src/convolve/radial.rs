@@ -23,6 +23,8 @@ pub(super) struct Radial {
     /// Where it ends, and its square.
     pub end: f64,
     end_squared: f64,
+    /// Within which half of the light is.
+    pub half: f64,
 }
 
 impl Radial {
@@ -52,7 +54,18 @@ impl Radial {
         } else {
             Vec::new()
         };
+        // by halves
+        let (mut low, mut high) = (0.0, end);
+        for _ in 0..40 {
+            let middle = 0.5 * (low + high);
+            if light(middle) < 0.5 * all {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
         Self {
+            half: high,
             knee_squared: knee * knee,
             knots_per_square: KNOTS as f64 / (knee * knee),
             over_square,

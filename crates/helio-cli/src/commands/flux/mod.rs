@@ -141,6 +141,7 @@ fn light(
         let options = ConvolveOptions {
             points: scene.rays.points,
             threads,
+            ..ConvolveOptions::default()
         };
         convolve_watched(&lit, &options, &watch)?
     };
