@@ -51,32 +51,28 @@ pub enum FluxError {
         /// The level asked for.
         level: helio_core::SimdLevel,
     },
-    /// A bin so coarse that no affordable number of points finds the images of the mirrors.
+    /// Bins that cut the sharp image of an element so often that its light cannot be shared out among them.
     #[error(
-        "convolution: bin {bin} (counted from 0) wants {found} points or more along each side to see the images of the \
-         mirrors, wanted fewer than {most}: take finer bins, or rays"
-    )]
-    BinsTooCoarse {
-        /// Which bin, row by row.
-        bin: usize,
-        /// Points that it wants along each side, at least.
-        found: usize,
-        /// Points that are too many.
-        most: usize,
-    },
-    /// Bins so coarse for the images of the mirrors that their integral did not settle.
-    #[error(
-        "convolution: {found:e} of the reflected power still changes or is too much after {evaluations} evaluations, wanted {wanted:e}: \
-         take finer bins, more points, or rays"
+        "convolution: element {element} (counted from 0): {found:.1e} of its light may be in wrong bins, wanted {wanted:.1e}: \
+         its image is too sharp for the receiver's bins: take fewer bins, a greater tolerance, or rays"
     )]
     NotSettled {
-        /// Last change of the power of the bins, or what is received beyond all that is reflected, as part of the
-        /// reflected power; 1 if not even one pass was affordable.
+        /// Which element.
+        element: usize,
+        /// The part of its reflected power that may be in wrong bins.
         found: f64,
         /// What it may be.
         wanted: f64,
-        /// How often a mirror was seen from a point.
-        evaluations: u64,
+    },
+    /// A mesh receiver that stands in its own light, of which an integral knows nothing.
+    #[error(
+        "convolution: triangle {bin} (counted from 0) of the receiver, or a part of it, lies behind triangle {by}: take rays"
+    )]
+    HiddenBin {
+        /// Which triangle.
+        bin: usize,
+        /// What it lies behind.
+        by: usize,
     },
     /// Rays that were made for another scene.
     #[error("rays: made for another sun shape, optical error or seed than asked for")]

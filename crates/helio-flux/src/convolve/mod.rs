@@ -1,29 +1,32 @@
 //! From elements to the flux on a receiver, by integrals: the outline of every mirror against the cone of the sun.
 
+mod cone;
 mod outline;
 mod radial;
-mod refine;
+mod spread;
+mod surface;
 
+use cone::Cones;
 use outline::Outline;
-use radial::Radial;
-use rayon::iter::{IntoParallelIterator, ParallelIterator};
-use refine::Integral;
+use spread::{Spread, Trouble};
+use surface::Surface;
 
 use crate::account::Account;
+use crate::element::Element;
 use crate::error::FluxError;
 use crate::map::FluxMap;
-use crate::parallel::{Going, Watch};
-use crate::trace::Scene;
-use crate::vector::dot;
+use crate::parallel::{Going, Watch, over_tasks};
+use crate::trace::{Origins, Scene, pieces};
+use crate::vector::{Vector, dot};
 
 /// How a convolution is done. Threads change no bit of the answer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ConvolveOptions {
-    /// Points along each side of a bin over which its flux is averaged; of a mesh's triangles, its square. Where
-    /// that is too coarse for the images, the bin gets more.
+    /// Points along each side of a bin over which its flux is averaged, at least. Where that is too coarse for an image the
+    /// bin gets more of them, or the mirror is cut instead; a mesh's triangles are always taken as they are.
     pub points: usize,
-    /// Where bins need more points: how much twice as many along each side may change the power of all such bins
-    /// together, as part of the reflected power. And by how much more than is reflected may be received.
+    /// By how much of an element's reflected power its bins may together differ from what falls on the
+    /// receiver, before they are made to agree; and how much of it may be in a wrong bin.
     pub tolerance: f64,
     /// Most threads to use; 0 for as many as the thread pool has.
     pub threads: usize,
@@ -39,22 +42,25 @@ impl Default for ConvolveOptions {
     }
 }
 
-/// Incidences that have a widened cone of their own: 64 steps of the cosine change it by less than 1 %.
-const STEPS: usize = 64;
+/// Elements of a task for a thread.
+const ELEMENTS_PER_TASK: usize = 16;
+
+/// Quanta of power in all that is reflected: whole ones add up to the same in any order.
+const QUANTA: f64 = (1_u64 << 60) as f64;
 
 /// The flux on the receiver as an integral over every element.
 ///
-/// A point of the receiver sees a flat mirror show it the sun, and the part of the sun's light that lies within
-/// the mirror's outline is what it gets: E = ρ DNI cos(θ) ∫ B dω over the outline as seen from the point. That is
-/// exact for a flat piece at any distance, and costs no rays; what is left is the average over a bin, for which
-/// `points` squared points stand.
+/// Light leaves a flat mirror the same all over it, spread over directions as the sun's is, widened by the errors of
+/// the surface. Of mirror, bin and directions the latter are integrated in closed form over an outline: that of the
+/// mirror as a point of the receiver sees it, or that of a bin as a point of the mirror does. Points stand for whichever of
+/// the two is the smaller against the blur (half the light of a point, at that distance), as many as it takes. Points of
+/// a mirror share out their light, so that it adds up whatever their number; what points of bins get is held against
+/// all that falls on the receiver, told without bins, until both agree within
+/// [`ConvolveOptions::tolerance`], and then made to.
 ///
-/// Where these lie farther apart than a quarter of the image of a mirror (its width, or at the bin's distance that of
-/// half the sun's light), the bin is given twice as many along each side until they do not, and twice as many again
-/// until that changes no more than [`ConvolveOptions::tolerance`]. Finer bins keep their points.
-///
-/// Slope errors widen the cone by 2σ in the plane of incidence and 2σ cos(incidence) across; here they do so all
-/// round by the mean square of the two. Elements neither shade nor block each other here.
+/// Slope errors σ turn the light by 2σ in the plane of incidence and 2σ cos(incidence) across it; the cone that results, the
+/// sun's disc with that Gaussian over it, is tabulated for every incidence. Elements neither shade nor block each
+/// other here.
 ///
 /// ```
 /// use helio_flux::{ConvolveOptions, Element, OpticalError, Plane, Receiver, Scene, SunShape, convolve};
@@ -77,19 +83,19 @@ const STEPS: usize = 64;
 /// ```
 ///
 /// # Errors
-/// [`FluxError::BadValue`] for a sun without direction, an irradiance out of range, `points` outside 1..=64 or a tolerance outside
-/// 1e-6..=1; [`FluxError::NotSettled`] if bins are so coarse that more effort than is reasonable leaves the tolerance
-/// unmet, or more is received than is reflected.
+/// [`FluxError::BadValue`] for a sun without direction, an irradiance out of range, `points` outside 1..=64 or a tolerance
+/// outside 1e-6..=1; [`FluxError::NotSettled`] where bins cut the sharp image of an element so often that no reasonable
+/// effort meets the tolerance; [`FluxError::HiddenBin`] for a mesh receiver of which parts lie behind others.
 pub fn convolve(scene: &Scene<'_>, options: &ConvolveOptions) -> Result<FluxMap, FluxError> {
     run(
         scene,
         options,
-        &Going::new(None, scene.receiver.bins() as u64),
+        &Going::new(None, scene.elements.len() as u64),
     )
 }
 
 /// Like [`convolve()`], for a long run that somebody watches and may stop: `watch` is told by the threads how many
-/// bins they have just done and how many there are in all. `None` if it asked to stop.
+/// elements they have just done and how many there are in all. `None` if it asked to stop.
 ///
 /// # Errors
 /// As [`convolve()`].
@@ -98,7 +104,7 @@ pub fn convolve_watched(
     options: &ConvolveOptions,
     watch: Watch<'_>,
 ) -> Result<Option<FluxMap>, FluxError> {
-    let going = Going::new(Some(watch), scene.receiver.bins() as u64);
+    let going = Going::new(Some(watch), scene.elements.len() as u64);
     let map = run(scene, options, &going)?;
     Ok(going.is_on().then_some(map))
 }
@@ -125,12 +131,33 @@ fn run(
             value: options.tolerance,
         });
     }
+    let account = account_of(scene, sun);
+    let reflected_w = account.incoming_w - account.reflection_loss_w;
+    let mut power_w = vec![0.0; scene.receiver.bins()];
+    if reflected_w > 0.0 {
+        let quantum_w = reflected_w / QUANTA;
+        let quanta = lay(scene, sun, options, quantum_w, going)?;
+        for (to, quanta) in power_w.iter_mut().zip(quanta) {
+            *to = quanta as f64 * quantum_w;
+        }
+    }
+    let received_w = power_w.iter().sum::<f64>().min(reflected_w);
+    Ok(FluxMap::new(
+        scene.receiver,
+        &power_w,
+        Account {
+            received_w,
+            spilled_w: reflected_w - received_w,
+            ..account
+        },
+    ))
+}
+
+/// What there is before any of it is spread.
+fn account_of(scene: &Scene<'_>, sun: Vector) -> Account {
     let mut account = Account::default();
-    let mut steps = [None; STEPS + 1];
-    let mut outlines = Vec::with_capacity(scene.elements.len());
     for element in scene.elements {
-        let cosine = dot(element.normal(), sun);
-        if cosine <= 0.0 {
+        if dot(element.normal(), sun) <= 0.0 {
             account.turned_away += 1;
             continue;
         }
@@ -138,34 +165,78 @@ fn run(
         account.mirror_w += scene.dni_w_m2 * element.area_m2();
         account.incoming_w += incoming_w;
         account.reflection_loss_w += incoming_w * (1.0 - element.reflectivity());
-        let step = (cosine * STEPS as f64).round() as usize;
-        let strength = scene.dni_w_m2 * element.reflectivity();
-        outlines.push(Outline::new(element, sun, step, strength));
-        steps[step] = Some(());
     }
-    let slope = scene.optical_error.slope_rms_rad();
-    let scatter = scene.optical_error.specularity_rms_rad();
-    let cones: Vec<Option<Radial>> = (0..=STEPS)
-        .into_par_iter()
-        .map(|step| {
-            steps[step]?;
-            // without slopes all are the same: only the first is asked for
-            let cosine = step as f64 / STEPS as f64;
-            let square = 2.0 * slope * slope * (1.0 + cosine * cosine) + scatter * scatter;
-            Some(Radial::new(scene.sun_shape, square.sqrt()))
-        })
-        .collect();
-    let reflected_w = account.incoming_w - account.reflection_loss_w;
-    let integral = Integral {
-        receiver: scene.receiver,
-        outlines: &outlines,
-        cones: &cones,
-        threads: options.threads,
-        going,
-    };
-    let power_w = integral.power_w(options, reflected_w)?;
-    account.received_w = power_w.iter().sum();
-    // What is received beyond all that is reflected is within the tolerance, and told as unaccounted.
-    account.spilled_w = (reflected_w - account.received_w).max(0.0);
-    Ok(FluxMap::new(scene.receiver, &power_w, account))
+    account
+}
+
+/// Quanta of every bin.
+fn lay(
+    scene: &Scene<'_>,
+    sun: Vector,
+    options: &ConvolveOptions,
+    quantum_w: f64,
+    going: &Going<'_>,
+) -> Result<Vec<u64>, FluxError> {
+    let cosine = |element: &Element| dot(element.normal(), sun);
+    let lit = scene.elements.iter().map(cosine).filter(|c| *c > 0.0);
+    let cones = Cones::new(scene.sun_shape, &scene.optical_error, lit);
+    let surface = Surface::new(scene.receiver, options.points);
+    let bins = scene.receiver.bins();
+    let tasks = scene.elements.len().div_ceil(ELEMENTS_PER_TASK);
+    let parts = over_tasks(tasks, options.threads, |mine| {
+        let mut spread = Spread::new(&surface, options.tolerance);
+        let mut quanta = vec![0_u64; bins];
+        // the first in the order of the elements, whichever thread finds it
+        let mut trouble: Option<(usize, Trouble)> = None;
+        for task in mine.take_while(|_| going.is_on()) {
+            let first = task * ELEMENTS_PER_TASK;
+            let last = scene.elements.len().min(first + ELEMENTS_PER_TASK);
+            for (number, element) in scene.elements.iter().enumerate().take(last).skip(first) {
+                if trouble.as_ref().is_some_and(|(of, _)| *of < number) {
+                    break;
+                }
+                let Some(cone) = cones.of(cosine(element)).filter(|_| cosine(element) > 0.0) else {
+                    continue;
+                };
+                let strength = scene.dni_w_m2 * element.reflectivity();
+                for piece in pieces(element, Origins::Spread) {
+                    let area_m2 = element.area_m2() * piece.share;
+                    let outline = Outline::new(&piece, area_m2, sun, strength, cone);
+                    if outline.power_w <= 0.0 {
+                        continue;
+                    }
+                    if let Err(found) = spread.light(&outline) {
+                        trouble = Some((number, found));
+                        break;
+                    }
+                    for (&bin, power_w) in spread.bins.iter().zip(&spread.power_w) {
+                        quanta[bin as usize] += (power_w / quantum_w).round() as u64;
+                    }
+                }
+            }
+            going.did((last - first) as u64);
+        }
+        (quanta, trouble)
+    });
+    let mut all = vec![0_u64; bins];
+    let mut first: Option<(usize, Trouble)> = None;
+    for (quanta, trouble) in parts {
+        for (to, some) in all.iter_mut().zip(quanta) {
+            *to += some;
+        }
+        if let Some((number, found)) = trouble
+            && first.as_ref().is_none_or(|(of, _)| number < *of)
+        {
+            first = Some((number, found));
+        }
+    }
+    match first {
+        None => Ok(all),
+        Some((element, Trouble::NotSettled(found))) => Err(FluxError::NotSettled {
+            element,
+            found,
+            wanted: options.tolerance,
+        }),
+        Some((_, Trouble::Hidden { bin, by })) => Err(FluxError::HiddenBin { bin, by }),
+    }
 }

@@ -1,0 +1,240 @@
+//! The receiver as flat pieces, as points, and as a tree of balls.
+
+use crate::receiver::{Frustum, Receiver};
+use crate::vector::{Vector, add, norm, scale, sub};
+
+/// Flat pieces around a cylinder or cone, at least: the prism is 8e-5 of the radius inside it on the average.
+const AROUND: usize = 256;
+
+/// Bins of a leaf.
+const LEAF: usize = 8;
+
+/// Points kept, at most: 50 MB of them.
+const KEPT: usize = 1 << 20;
+
+/// A place on the receiver, and the way it faces.
+#[derive(Clone, Copy)]
+pub(super) struct Point {
+    pub at: Vector,
+    pub normal: Vector,
+}
+
+/// A ball around a part of something.
+#[derive(Clone, Copy)]
+pub(super) struct Ball {
+    pub centre: Vector,
+    pub radius_m: f64,
+}
+
+/// A part of the tree: its bins are `order[first..last]`.
+struct Node {
+    ball: Ball,
+    first: usize,
+    last: usize,
+    /// The second of its two children; the first follows it. 0 for a leaf.
+    second: usize,
+}
+
+pub(super) struct Surface<'a> {
+    pub receiver: &'a Receiver,
+    nodes: Vec<Node>,
+    order: Vec<u32>,
+    /// Longest side of each bin \[m\]; one for all where they are alike.
+    sizes_m: Vec<f64>,
+    points: Vec<Point>,
+    /// Points along each side of a bin.
+    pub side: usize,
+    /// Flat pieces that a column of a round receiver is cut into.
+    pub cuts: usize,
+}
+
+impl<'a> Surface<'a> {
+    pub(super) fn new(receiver: &'a Receiver, side: usize) -> Self {
+        let bins = receiver.bins();
+        let cuts = match receiver {
+            Receiver::Frustum(round) => AROUND.div_ceil(round.columns()),
+            _ => 1,
+        };
+        let mut surface = Self {
+            receiver,
+            nodes: Vec::new(),
+            order: (0..bins as u32).collect(),
+            sizes_m: Vec::new(),
+            points: Vec::new(),
+            side,
+            cuts,
+        };
+        surface.sizes_m = match receiver {
+            Receiver::Plane(_) => vec![surface.longest_m(0)],
+            _ => (0..bins).map(|bin| surface.longest_m(bin)).collect(),
+        };
+        let balls: Vec<Ball> = (0..bins).map(|bin| surface.ball_of(bin)).collect();
+        let mut order = core::mem::take(&mut surface.order);
+        surface.grow(&mut order, 0, &balls);
+        surface.order = order;
+        if bins * side * side <= KEPT && !matches!(receiver, Receiver::Mesh(_)) {
+            surface.points = (0..bins * side * side)
+                .map(|k| surface.point(k / (side * side), k % (side * side), side))
+                .collect();
+        }
+        surface
+    }
+
+    pub(super) fn size_m(&self, bin: usize) -> f64 {
+        self.sizes_m[bin.min(self.sizes_m.len() - 1)]
+    }
+
+    fn longest_m(&self, bin: usize) -> f64 {
+        let mut longest_m = 0.0_f64;
+        self.each_piece(bin, |corners| {
+            let first = norm(sub(corners[1], corners[0])) * self.cuts as f64;
+            let others = (1..corners.len())
+                .map(|k| norm(sub(corners[(k + 1) % corners.len()], corners[k])))
+                .fold(0.0, f64::max);
+            longest_m = longest_m.max(first).max(others);
+        });
+        longest_m
+    }
+
+    fn ball_of(&self, bin: usize) -> Ball {
+        let centre = self.receiver.bin_centre_m(bin);
+        let mut radius_m = 0.0_f64;
+        self.each_piece(bin, |corners| {
+            for corner in corners {
+                radius_m = radius_m.max(norm(sub(*corner, centre)));
+            }
+        });
+        Ball { centre, radius_m }
+    }
+
+    /// The tree of some bins, from `first` on in the order; halves along the longest way between their middles.
+    fn grow(&mut self, bins: &mut [u32], first: usize, balls: &[Ball]) -> usize {
+        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        for &bin in bins.iter() {
+            for (k, x) in balls[bin as usize].centre.into_iter().enumerate() {
+                low[k] = low[k].min(x);
+                high[k] = high[k].max(x);
+            }
+        }
+        let centre = scale(add(low, high), 0.5);
+        let reach = |ball: &Ball| norm(sub(ball.centre, centre)) + ball.radius_m;
+        let radius_m = bins.iter().map(|&bin| reach(&balls[bin as usize]));
+        let ball = Ball {
+            centre,
+            radius_m: radius_m.fold(0.0, f64::max),
+        };
+        let node = self.nodes.len();
+        self.nodes.push(Node {
+            ball,
+            first,
+            last: first + bins.len(),
+            second: 0,
+        });
+        if bins.len() > LEAF {
+            let extent = sub(high, low);
+            let axis = (0..3).fold(0, |best, k| if extent[k] > extent[best] { k } else { best });
+            let half = bins.len() / 2;
+            bins.select_nth_unstable_by(half, |&a, &b| {
+                let at = |bin: u32| balls[bin as usize].centre[axis];
+                at(a).total_cmp(&at(b)).then(a.cmp(&b))
+            });
+            let (one, other) = bins.split_at_mut(half);
+            self.grow(one, first, balls);
+            let second = self.grow(other, first + half, balls);
+            self.nodes[node].second = second;
+        }
+        node
+    }
+
+    /// The bins of leaves whose ball is wanted.
+    pub(super) fn near(&self, wanted: impl Fn(&Ball) -> bool, bins: &mut Vec<u32>) {
+        bins.clear();
+        let mut stack = vec![0];
+        while let Some(node) = stack.pop() {
+            let Node { ball, first, last, second } = &self.nodes[node];
+            if !wanted(ball) {
+                continue;
+            }
+            if *second == 0 {
+                bins.extend(&self.order[*first..*last]);
+            } else {
+                stack.push(*second);
+                stack.push(node + 1);
+            }
+        }
+    }
+
+    /// All of it.
+    pub(super) fn ball(&self) -> Ball {
+        self.nodes[0].ball
+    }
+
+    /// One of the points of a bin, each of which stands for the same area (of a triangle's, not quite).
+    pub(super) fn point(&self, bin: usize, k: usize, side: usize) -> Point {
+        if side == self.side && !self.points.is_empty() {
+            return self.points[bin * side * side + k];
+        }
+        let place = |k: usize| (k as f64 + 0.5) / side as f64;
+        let (row, column) = (bin / self.receiver.columns(), bin % self.receiver.columns());
+        let (row, column) = (row as f64 + place(k / side), column as f64 + place(k % side));
+        match self.receiver {
+            Receiver::Plane(plane) => Point {
+                at: plane.point_m(row, column),
+                normal: plane.normal(),
+            },
+            Receiver::Frustum(round) => Point {
+                at: round.point_m(row, column),
+                normal: round.normal(column),
+            },
+            Receiver::Mesh(_) => Point {
+                at: self.receiver.bin_centre_m(bin),
+                normal: self.receiver.bin_normal(bin),
+            },
+        }
+    }
+
+    /// The flat pieces of a bin: their corners, counterclockwise as seen from the lit side.
+    pub(super) fn each_piece(&self, bin: usize, mut see: impl FnMut(&[Vector])) {
+        let (row, column) = (bin / self.receiver.columns(), bin % self.receiver.columns());
+        let (row, column) = (row as f64, column as f64);
+        match self.receiver {
+            Receiver::Plane(plane) => see(&rectangle(|r, c| plane.point_m(row + r, column + c))),
+            Receiver::Frustum(round) => {
+                let cut = |k: usize, c: f64| column + (k as f64 + c) / self.cuts as f64;
+                for k in 0..self.cuts {
+                    see(&rectangle(|r, c| round.point_m(row + r, cut(k, c))));
+                }
+            }
+            Receiver::Mesh(mesh) => see(mesh.corners_m(bin).unwrap_or_default()),
+        }
+    }
+
+    /// The outline of a flat receiver with a grid.
+    pub(super) fn whole_plane(&self) -> Option<[Vector; 4]> {
+        let Receiver::Plane(plane) = self.receiver else {
+            return None;
+        };
+        let (rows, columns) = (plane.rows() as f64, plane.columns() as f64);
+        Some(rectangle(|r, c| plane.point_m(r * rows, c * columns)))
+    }
+
+    /// The rims of a round one, base and end: corners of its flat pieces.
+    pub(super) fn rims(&self) -> Option<[Vec<Vector>; 2]> {
+        let Receiver::Frustum(round) = self.receiver else {
+            return None;
+        };
+        let rim = |row: usize| rim(round, row as f64, self.cuts);
+        Some([rim(round.rows()), rim(0)])
+    }
+}
+
+fn rim(round: &Frustum, row: f64, cuts: usize) -> Vec<Vector> {
+    (0..round.columns() * cuts)
+        .map(|k| round.point_m(row, k as f64 / cuts as f64))
+        .collect()
+}
+
+/// Corners, given parts of the way down and to the right.
+fn rectangle(at: impl Fn(f64, f64) -> Vector) -> [Vector; 4] {
+    [at(1.0, 0.0), at(1.0, 1.0), at(0.0, 1.0), at(0.0, 0.0)]
+}
