@@ -99,7 +99,11 @@ fn main() -> Result<(), String> {
             _ => 0,
         };
         for points in [1, 2, 4, 8].into_iter().filter(|&p| p <= most_points) {
-            let options = ConvolveOptions { points, threads, ..ConvolveOptions::default() };
+            let options = ConvolveOptions {
+                points,
+                threads,
+                ..ConvolveOptions::default()
+            };
             let call = || convolve(&scene(elements), &options);
             say("convolution", points as u64, &call)?;
         }

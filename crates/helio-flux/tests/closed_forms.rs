@@ -142,11 +142,12 @@ fn a_convolution_is_that_closed_form() {
         counts.push(points as f64);
         errors.push(error);
     }
-    // midpoints: second order
-    let rate = rate(&counts, &errors);
+    // one point a bin is too coarse here and becomes two; where the sun's edge passes, of an order between one and two
+    assert_eq!(errors[0], errors[1]);
+    let rate = rate(&counts[1..], &errors[1..]);
     println!("rate {rate:.2}");
     assert!(rate < -1.5, "{rate}");
-    assert!(errors[0] < 5e-3 && errors[3] < 1e-4, "{errors:?}");
+    assert!(errors[0] < 5e-4 && errors[3] < 3e-5, "{errors:?}");
 }
 
 // Two ways to one map, where nothing is known in closed form: oblique, with slopes and scatter, all shapes.

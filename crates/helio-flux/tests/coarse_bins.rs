@@ -161,7 +161,10 @@ fn images_with_sharp_edges_keep_their_power() {
                 * overlap(column, bins[1], 0.013, 1.013)
                 * overlap(row, bins[0], 0.021, 0.721);
             let got = flux * receiver.bin_area_m2(bin);
-            assert!((got - want).abs() < 0.02 * 700.0, "{bins:?} {bin}: {got} {want}");
+            assert!(
+                (got - want).abs() < 0.02 * 700.0,
+                "{bins:?} {bin}: {got} {want}"
+            );
         }
     }
 }
@@ -208,7 +211,10 @@ fn a_receiver_in_its_own_light_is_refused() {
     let pane = |up: f64| [[-2.0, -2.0, up], [0.0, 3.0, up], [2.0, -2.0, up]];
     let mesh = MeshReceiver::new(&[pane(10.0), pane(11.0)]).unwrap();
     let receiver = Receiver::Mesh(mesh);
-    let refused = convolve(&scene(&elements, &receiver, &sun), &ConvolveOptions::default());
+    let refused = convolve(
+        &scene(&elements, &receiver, &sun),
+        &ConvolveOptions::default(),
+    );
     let hidden = FluxError::HiddenBin { bin: 1, by: 0 };
     assert_eq!(refused, Err(hidden));
 }

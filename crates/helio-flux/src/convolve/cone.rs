@@ -53,7 +53,11 @@ impl<'a> Cones<'a> {
         let mut keys: Vec<i64> = cosines.map(|cosine| cones.key(cosine)).collect();
         keys.sort_unstable();
         keys.dedup();
-        let made: Vec<Radial> = keys.clone().into_par_iter().map(|k| cones.make(k)).collect();
+        let made: Vec<Radial> = keys
+            .clone()
+            .into_par_iter()
+            .map(|k| cones.make(k))
+            .collect();
         cones.cones = keys.into_iter().zip(made).collect();
         cones
     }
@@ -225,7 +229,7 @@ impl Profile {
     }
 }
 
-/// Rings of a sun, at most half a Gaussian's width: their radii and light.
+/// Rings of a sun, two for each half of a Gaussian's width at most: their radii and light.
 fn rings(sun: &SunShape, sigma: f64) -> Vec<(f64, f64)> {
     let (knee, end) = (libm::tan(sun.knee_rad()), libm::tan(sun.extent_rad()));
     let mut rings = Vec::new();
@@ -235,11 +239,22 @@ fn rings(sun: &SunShape, sigma: f64) -> Vec<(f64, f64)> {
             continue;
         }
         let edge = |k: f64| from + (to - from) * k / count;
+        let within = |squared: f64| sun.cumulative(libm::atan(squared.sqrt()));
         for k in 0..count as usize {
-            let (low, high) = (edge(k as f64), edge(k as f64 + 1.0));
-            let light = sun.cumulative(libm::atan(high)) - sun.cumulative(libm::atan(low));
-            // the radius of the ring's mean square
-            rings.push(((0.5 * (low * low + high * high)).sqrt(), light));
+            let (low, high) = (edge(k as f64).powi(2), edge(k as f64 + 1.0).powi(2));
+            let (inner, outer) = (within(low), within(high));
+            let light = outer - inner;
+            if light > 0.0 {
+                // the mean of the squared radius: by parts, and Simpson's rule
+                let mean = (inner + 4.0 * within(0.5 * (low + high)) + outer) / 6.0;
+                let squared = high - (high - low) * ((mean - inner) / light).clamp(0.0, 1.0);
+                // two of half its light, as far from it as gives an even ring's spread too
+                let away = (high - low) / 12_f64.sqrt();
+                let away = away.min(squared - low).min(high - squared);
+                for squared in [squared - away, squared + away] {
+                    rings.push((squared.sqrt(), 0.5 * light));
+                }
+            }
         }
     }
     rings
@@ -362,7 +377,12 @@ mod tests {
                 let (w, h) = (6e-3 * u(3), 4e-3 * u(4));
                 let inside = |&&[px, py]: &&[f64; 2]| (px - x).abs() < w && (py - y).abs() < h;
                 let want = points.iter().filter(inside).count() as f64 / POINTS as f64;
-                let corners = [[x - w, y - h], [x + w, y - h], [x + w, y + h], [x - w, y + h]];
+                let corners = [
+                    [x - w, y - h],
+                    [x + w, y - h],
+                    [x + w, y + h],
+                    [x - w, y + h],
+                ];
                 let got = cone.within(&corners.map(|[x, y]| [x * cone.squeeze, y]));
                 // four standard errors of the count, at most 0.0045
                 let bound = 4.0 * (want * (1.0 - want) / POINTS as f64).sqrt() + 2e-4;

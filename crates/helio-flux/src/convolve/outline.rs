@@ -39,7 +39,10 @@ pub(super) struct Figure {
 impl Figure {
     /// Where parts of the edges lead to.
     pub(super) fn at(&self, a: f64, b: f64) -> Vector {
-        add(self.corner, add(scale(self.edges[0], a), scale(self.edges[1], b)))
+        add(
+            self.corner,
+            add(scale(self.edges[0], a), scale(self.edges[1], b)),
+        )
     }
 
     pub(super) fn corners(&self) -> ([Vector; 4], usize) {
@@ -149,7 +152,10 @@ impl<'a> Outline<'a> {
     /// A point in the axes, as it is in the world.
     pub(super) fn world(&self, [x, y, z]: Vector) -> Vector {
         let squeeze = self.cone.squeeze;
-        let flat = add(scale(self.axes[0], x / (squeeze * squeeze)), scale(self.axes[1], y));
+        let flat = add(
+            scale(self.axes[0], x / (squeeze * squeeze)),
+            scale(self.axes[1], y),
+        );
         add(flat, scale(self.axes[2], z))
     }
 
@@ -204,6 +210,11 @@ impl<'a> Outline<'a> {
         let both = from.radius_m + to.radius_m;
         let reach = both + self.cone.end * (far + both);
         far + both > 0.0 && dx * dx + dy * dy <= reach * reach
+    }
+
+    /// Where its middle ray begins, and the way it goes.
+    pub(super) const fn middle_ray(&self) -> (Vector, Vector) {
+        (self.centroid, self.axes[2])
     }
 
     /// A ball around it, in the axes.

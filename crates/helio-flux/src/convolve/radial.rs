@@ -74,7 +74,12 @@ impl Radial {
 
     /// From the light within even steps of the squared radius over that square, `terms` cosines a knot; the first of
     /// the last knot is all the light.
-    pub(super) fn of_table(end: f64, squeeze: f64, terms: usize, mut over_square: Vec<f64>) -> Self {
+    pub(super) fn of_table(
+        end: f64,
+        squeeze: f64,
+        terms: usize,
+        mut over_square: Vec<f64>,
+    ) -> Self {
         let knots = over_square.len() / terms - 1;
         let square = end * end;
         let all = over_square[knots * terms] * square;
@@ -167,7 +172,10 @@ impl Radial {
 
     /// Likewise in any outline, given by its edges, clockwise where it is lit.
     pub(super) fn within_edges(&self, edges: &[[[f64; 2]; 2]]) -> f64 {
-        let sum: f64 = edges.iter().map(|[p, q]| self.along(&Edge::new(*p, *q))).sum();
+        let sum: f64 = edges
+            .iter()
+            .map(|[p, q]| self.along(&Edge::new(*p, *q)))
+            .sum();
         (-sum / TAU).clamp(0.0, 1.0)
     }
 
@@ -195,12 +203,11 @@ impl Radial {
                 };
                 self.over_square(squared, cosine)
             };
-            let long = 1.5 * self.half;
-            if from < 0.0 && to > 0.0 {
-                let both = gauss_of(long, from, 0.0, light) + gauss_of(long, 0.0, to, light);
-                sum += height * both;
-            } else if from < to {
-                sum += height * gauss_of(long, from, to, light);
+            for pair in CUTS.windows(2) {
+                let (from, to) = (from.max(pair[0] * self.half), to.min(pair[1] * self.half));
+                if from < to {
+                    sum += height * gauss(from, to, light);
+                }
             }
         }
         let mut outer = inner;
@@ -286,48 +293,23 @@ impl Edge {
     }
 }
 
-/// Nodes and weights of Gauss and Legendre: nine of them.
-const NINE: [(f64, f64); 4] = [
-    (0.324_253_423_403_808_9, 0.312_347_077_040_002_86),
-    (0.613_371_432_700_590_4, 0.260_610_696_402_935_44),
-    (0.836_031_107_326_635_8, 0.180_648_160_694_857_4),
-    (0.968_160_239_507_626_1, 0.081_274_388_361_574_41),
-];
-
-/// Likewise five.
-const FIVE: [(f64, f64); 2] = [
-    (0.538_469_310_105_683_1, 0.478_628_670_499_366_5),
-    (0.906_179_845_938_664, 0.236_926_885_056_189_08),
-];
-
 /// The rule of Gauss and Legendre with five nodes: polynomials up to degree nine exactly.
 fn gauss(from: f64, to: f64, f: impl Fn(f64) -> f64) -> f64 {
-    rule(0.568_888_888_888_888_9, &FIVE, from, to, f)
-}
-
-/// Likewise with nine where the way is `long`.
-fn gauss_of(long: f64, from: f64, to: f64, f: impl Fn(f64) -> f64) -> f64 {
-    if to - from > long {
-        rule(0.330_239_355_001_259_76, &NINE, from, to, f)
-    } else {
-        gauss(from, to, f)
-    }
-}
-
-fn rule(
-    of_middle: f64,
-    nodes: &[(f64, f64)],
-    from: f64,
-    to: f64,
-    f: impl Fn(f64) -> f64,
-) -> f64 {
+    const NODES: [(f64, f64); 2] = [
+        (0.538_469_310_105_683_1, 0.478_628_670_499_366_5),
+        (0.906_179_845_938_664, 0.236_926_885_056_189_08),
+    ];
     let (middle, half) = (0.5 * (from + to), 0.5 * (to - from));
-    let mut sum = of_middle * f(middle);
-    for (node, weight) in nodes {
+    let mut sum = 0.568_888_888_888_888_9 * f(middle);
+    for (node, weight) in NODES {
         sum += weight * (f(middle - half * node) + f(middle + half * node));
     }
     half * sum
 }
+
+/// Where an edge is cut for that rule, as parts of the radius that half of the light is in: light over squared radius
+/// is a bell of that width.
+const CUTS: [f64; 7] = [f64::NEG_INFINITY, -3.5, -1.4, 0.0, 1.4, 3.5, f64::INFINITY];
 
 #[cfg(test)]
 mod tests {

@@ -3,7 +3,7 @@
 use super::outline::{Figure, Outline};
 use super::surface::{Ball, Surface};
 use crate::receiver::Receiver;
-use crate::vector::{Vector, add, norm, scale, sub};
+use crate::vector::{Vector, add, dot, norm, scale, sub};
 
 /// Points this part of what half the light of a point is spread over apart see an image as smooth.
 const POINTS_APART: f64 = 0.25;
@@ -104,14 +104,24 @@ impl<'a> Spread<'a> {
         let (mut nearest_m, mut size_m) = (f64::INFINITY, 0.0_f64);
         for &bin in &self.bins {
             let middle = self.surface.receiver.bin_centre_m(bin as usize);
-            nearest_m = nearest_m.min(outline.local(middle)[2]);
-            size_m = size_m.max(self.surface.size_m(bin as usize));
+            let own_m = self.surface.size_m(bin as usize);
+            nearest_m = nearest_m.min(outline.local(middle)[2] - from.centre[2] - own_m);
+            size_m = size_m.max(own_m);
         }
-        let blur_m = outline.blur_m(nearest_m - from.centre[2] - size_m);
+        // parts of a bin much nearer than where the middle ray ends are in the light of none
+        let blur_m = outline.blur_m(nearest_m.max(0.5 * self.way_m(outline)));
         if self.at_points(outline, size_m, blur_m) {
             return Ok(());
         }
         self.in_pieces(outline, blur_m)
+    }
+
+    /// How far the middle ray goes, or if it misses, how far away the receiver is along it \[m\].
+    fn way_m(&self, outline: &Outline<'_>) -> f64 {
+        let (from, along) = outline.middle_ray();
+        let hit = self.surface.receiver.hit(from, along);
+        let away = dot(sub(self.surface.receiver.centre_m(), from), along);
+        hit.map_or(away, |hit| hit.along)
     }
 
     /// At points of the bins, as many as it takes until they hold what falls on the receiver; false if that is more than
@@ -304,7 +314,10 @@ impl<'a> Spread<'a> {
             let holds = |p: &Vector| outline.part_on(*p, &cell.corners[..cell.count]) >= 1.0;
             self.evaluations += 1;
             if holds(&middle) {
-                return corners[..count].iter().all(holds).then_some(cell.slot as usize);
+                return corners[..count]
+                    .iter()
+                    .all(holds)
+                    .then_some(cell.slot as usize);
             }
         }
         None

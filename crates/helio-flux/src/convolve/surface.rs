@@ -151,7 +151,12 @@ impl<'a> Surface<'a> {
         bins.clear();
         let mut stack = vec![0];
         while let Some(node) = stack.pop() {
-            let Node { ball, first, last, second } = &self.nodes[node];
+            let Node {
+                ball,
+                first,
+                last,
+                second,
+            } = &self.nodes[node];
             if !wanted(ball) {
                 continue;
             }
@@ -174,9 +179,12 @@ impl<'a> Surface<'a> {
         if side == self.side && !self.points.is_empty() {
             return self.points[bin * side * side + k];
         }
-        let place = |k: usize| (k as f64 + 0.5) / side as f64;
+        let place = |k: usize| place(k, side);
         let (row, column) = (bin / self.receiver.columns(), bin % self.receiver.columns());
-        let (row, column) = (row as f64 + place(k / side), column as f64 + place(k % side));
+        let (row, column) = (
+            row as f64 + place(k / side),
+            column as f64 + place(k % side),
+        );
         match self.receiver {
             Receiver::Plane(plane) => Point {
                 at: plane.point_m(row, column),
@@ -226,6 +234,17 @@ impl<'a> Surface<'a> {
         let rim = |row: usize| rim(round, row as f64, self.cuts);
         Some([rim(round.rows()), rim(0)])
     }
+}
+
+/// The nodes of a rule along a side, as parts of it: of Gauss with two for each pair, or the middle of each part.
+fn place(k: usize, side: usize) -> f64 {
+    const AWAY: f64 = 0.577_350_269_189_625_8;
+    let at = if side.is_multiple_of(2) {
+        (k - k % 2) as f64 + 1.0 + if k.is_multiple_of(2) { -AWAY } else { AWAY }
+    } else {
+        k as f64 + 0.5
+    };
+    at / side as f64
 }
 
 fn rim(round: &Frustum, row: f64, cuts: usize) -> Vec<Vector> {
