@@ -13,14 +13,15 @@ use crate::sunshape::SunShape;
 /// width by 0.1 %, and so a peak.
 const STEP: f64 = 4e-3;
 
-/// Knots of a table over the squared radius.
-const KNOTS: usize = 1024;
+/// Knots of a table over the squared radius, and of one with an aureole.
+const KNOTS: [usize; 2] = [512, 1024];
 
-/// Sectors of a quarter turn for which a table is made; as many cosines can be told apart.
-const SECTORS: usize = 16;
+/// Sectors of a quarter turn for which a table is made; as many cosines can be told apart. The first is enough where the
+/// last cosine of it is small.
+const SECTORS: [usize; 2] = [6, 16];
 
 /// Light of a sector that cosines left out may amount to, of all.
-const LEFT_OUT: f64 = 2e-5;
+const LEFT_OUT: f64 = 1e-4;
 
 /// Where a Gaussian ends, in standard deviations: 2e-9 of its light is left out.
 const TAIL: f64 = 6.0;
@@ -103,40 +104,47 @@ fn widened(sun: &SunShape, along: f64, across: f64, squeeze: f64) -> Radial {
     };
     let sun_end = libm::tan(sun.extent_rad());
     let end = (sun_end + TAIL * across).max(squeeze * (sun_end + TAIL * along));
-    let step = end * end / KNOTS as f64;
+    let is_far = sun.extent_rad() > sun.knee_rad() * (1.0 + 1e-9);
+    let knots = KNOTS[usize::from(is_far)];
+    let step = end * end / knots as f64;
     // cosines of twice the angles: those at which a sum of cosines is told best (Chebyshev's)
-    let sectors = if shifts.len() == 1 { 1 } else { SECTORS };
-    let tables: Vec<Vec<f64>> = (0..sectors)
-        .map(|sector| {
-            let angle = 0.5 * PI * (sector as f64 + 0.5) / sectors as f64;
-            let (sine, cosine) = libm::sincos(angle);
-            let at = |k: f64| {
-                let radius = (k * step).sqrt();
-                density(radius * cosine / squeeze, radius * sine) / squeeze
-            };
-            light_over_square(at, step)
-        })
-        .collect();
-    let mut cosines: Vec<Vec<f64>> = (0..sectors).map(|m| of_cosine(&tables, m)).collect();
-    // what is small is left out, from the end
-    let size = |values: &Vec<f64>| {
-        let light = |(k, v): (usize, &f64)| v.abs() * k as f64 * step;
-        values.iter().enumerate().map(light).fold(0.0, f64::max)
+    let cosines_of = |sectors: usize| -> Vec<Vec<f64>> {
+        let tables: Vec<Vec<f64>> = (0..sectors)
+            .map(|sector| {
+                let angle = 0.5 * PI * (sector as f64 + 0.5) / sectors as f64;
+                let (sine, cosine) = libm::sincos(angle);
+                let at = |k: f64| {
+                    let radius = (k * step).sqrt();
+                    density(radius * cosine / squeeze, radius * sine) / squeeze
+                };
+                light_over_square(at, step, knots)
+            })
+            .collect();
+        (0..sectors).map(|m| of_cosine(&tables, m)).collect()
     };
-    while cosines.len() > 1 && cosines.last().is_some_and(|last| size(last) < LEFT_OUT) {
+    let is_small = |values: &Vec<f64>| {
+        let light = |(k, v): (usize, &f64)| v.abs() * k as f64 * step;
+        values.iter().enumerate().map(light).fold(0.0, f64::max) < LEFT_OUT
+    };
+    let mut cosines = cosines_of(if shifts.len() == 1 { 1 } else { SECTORS[0] });
+    if cosines.len() > 1 && !cosines.last().is_some_and(is_small) {
+        cosines = cosines_of(SECTORS[1]);
+    }
+    // what is small is left out, from the end
+    while cosines.len() > 1 && cosines.last().is_some_and(is_small) {
         cosines.pop();
     }
     let terms = cosines.len();
-    let table = (0..=KNOTS).flat_map(|knot| cosines.iter().map(move |values| values[knot]));
+    let table = (0..=knots).flat_map(|knot| cosines.iter().map(move |values| values[knot]));
     Radial::of_table(end, squeeze, terms, table.collect())
 }
 
 /// Light within every knot of the squared radius, over that square: π ∫ b d(ρ²) by Simpson's rule.
-fn light_over_square(density: impl Fn(f64) -> f64, step: f64) -> Vec<f64> {
+fn light_over_square(density: impl Fn(f64) -> f64, step: f64, knots: usize) -> Vec<f64> {
     let mut left = density(0.0);
     let mut table = vec![PI * left];
     let mut sum = 0.0;
-    for knot in 0..KNOTS {
+    for knot in 0..knots {
         let k = knot as f64;
         let right = density(k + 1.0);
         sum += PI * step / 6.0 * (left + 4.0 * density(k + 0.5) + right);
@@ -153,7 +161,7 @@ fn of_cosine(tables: &[Vec<f64>], m: usize) -> Vec<f64> {
     let cosine: Vec<f64> = (0..tables.len())
         .map(|sector| weight * libm::cos(m as f64 * PI * (sector as f64 + 0.5) / count))
         .collect();
-    (0..=KNOTS)
+    (0..tables[0].len())
         .map(|knot| tables.iter().zip(&cosine).map(|(t, c)| t[knot] * c).sum())
         .collect()
 }
@@ -165,7 +173,7 @@ fn shifts(sigma: f64, smooth: f64) -> Vec<(f64, f64)> {
         return vec![(0.0, 1.0)];
     }
     let step = smooth.max(0.1 * sigma).min(0.5 * sigma);
-    let most = (TAIL * sigma / step).ceil() as i32;
+    let most = (5.0 * sigma / step).ceil() as i32;
     let weight = |k: i32| {
         let at = f64::from(k) * step / sigma;
         libm::exp(-0.5 * at * at)
@@ -189,7 +197,7 @@ impl Profile {
         let light = |radius: f64| sun.cumulative(libm::atan(radius));
         let sun_end = libm::tan(sun.extent_rad());
         let end = sun_end + TAIL * sigma;
-        let step = end / (2 * KNOTS) as f64;
+        let step = end / (2 * KNOTS[1]) as f64;
         let rings = if sigma > step {
             rings(sun, sigma)
         } else {
@@ -214,7 +222,7 @@ impl Profile {
         };
         Self {
             per_radius: 1.0 / step,
-            density: (0..=2 * KNOTS).map(at).collect(),
+            density: (0..=2 * KNOTS[1]).map(at).collect(),
         }
     }
 

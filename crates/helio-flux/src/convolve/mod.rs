@@ -114,23 +114,7 @@ fn run(
     options: &ConvolveOptions,
     going: &Going<'_>,
 ) -> Result<FluxMap, FluxError> {
-    let sun = scene.check()?;
-    if !(1..=64).contains(&options.points) {
-        return Err(FluxError::BadValue {
-            who: "convolution",
-            what: "points",
-            wanted: "within 1..=64",
-            value: options.points as f64,
-        });
-    }
-    if !(options.tolerance >= 1e-6 && options.tolerance <= 1.0) {
-        return Err(FluxError::BadValue {
-            who: "convolution",
-            what: "tolerance",
-            wanted: "within 1e-6..=1",
-            value: options.tolerance,
-        });
-    }
+    let sun = checked(scene, options)?;
     let account = account_of(scene, sun);
     let reflected_w = account.incoming_w - account.reflection_loss_w;
     let mut power_w = vec![0.0; scene.receiver.bins()];
@@ -151,6 +135,112 @@ fn run(
             ..account
         },
     ))
+}
+
+fn checked(scene: &Scene<'_>, options: &ConvolveOptions) -> Result<Vector, FluxError> {
+    let sun = scene.check()?;
+    if !(1..=64).contains(&options.points) {
+        return Err(FluxError::BadValue {
+            who: "convolution",
+            what: "points",
+            wanted: "within 1..=64",
+            value: options.points as f64,
+        });
+    }
+    if !(options.tolerance >= 1e-6 && options.tolerance <= 1.0) {
+        return Err(FluxError::BadValue {
+            who: "convolution",
+            what: "tolerance",
+            wanted: "within 1e-6..=1",
+            value: options.tolerance,
+        });
+    }
+    Ok(sun)
+}
+
+/// Looks at a convolution without doing all of it.
+pub(crate) struct Measure;
+
+impl Measure {
+    /// Polygons that a convolution would put under cones, by `most` elements at most.
+    pub(crate) fn of(
+        scene: &Scene<'_>,
+        options: &ConvolveOptions,
+        most: usize,
+    ) -> Result<f64, FluxError> {
+        let sun = checked(scene, options)?;
+        let step = scene.elements.len().div_ceil(most).max(1);
+        let some: Vec<Element> = scene.elements.iter().step_by(step).copied().collect();
+        let cones = cones_of(scene, &some, sun);
+        let surface = Surface::new(scene.receiver);
+        let mut spread = Spread::new(&surface, options);
+        let mut sum = 0;
+        for (number, element) in some.iter().enumerate() {
+            each_outline(scene, element, sun, &cones, |outline| {
+                let found = spread.light(outline);
+                sum += spread.evaluations;
+                found.map_err(|trouble| named(trouble, number * step, options))
+            })?;
+        }
+        Ok(sum as f64 * step as f64)
+    }
+
+    /// Irradiance of a bin \[W/m²\] by so many points along its side.
+    pub(crate) fn bin_flux(scene: &Scene<'_>, bin: usize, side: usize) -> Result<f64, FluxError> {
+        let sun = scene.check()?;
+        let cones = cones_of(scene, scene.elements, sun);
+        let points: Vec<_> = (0..side * side)
+            .map(|k| surface::point(scene.receiver, bin, k, [side; 2]))
+            .collect();
+        let mut sum = 0.0;
+        for element in scene.elements {
+            each_outline(scene, element, sun, &cones, |outline| {
+                sum += points.iter().map(|p| outline.flux_at(p)).sum::<f64>();
+                Ok::<(), FluxError>(())
+            })?;
+        }
+        Ok(sum / points.len() as f64)
+    }
+}
+
+fn cones_of<'a>(scene: &Scene<'a>, elements: &[Element], sun: Vector) -> Cones<'a> {
+    let cosines = elements.iter().map(|element| dot(element.normal(), sun));
+    let lit = cosines.filter(|cosine| *cosine > 0.0);
+    Cones::new(scene.sun_shape, &scene.optical_error, lit)
+}
+
+/// The pieces of an element that the sun sees, with something to reflect.
+fn each_outline<E>(
+    scene: &Scene<'_>,
+    element: &Element,
+    sun: Vector,
+    cones: &Cones<'_>,
+    mut see: impl FnMut(&Outline<'_>) -> Result<(), E>,
+) -> Result<(), E> {
+    let cosine = dot(element.normal(), sun);
+    let Some(cone) = cones.of(cosine).filter(|_| cosine > 0.0) else {
+        return Ok(());
+    };
+    let strength = scene.dni_w_m2 * element.reflectivity();
+    for piece in pieces(element, Origins::Spread) {
+        let area_m2 = element.area_m2() * piece.share;
+        let outline = Outline::new(&piece, area_m2, sun, strength, cone);
+        if outline.power_w > 0.0 {
+            see(&outline)?;
+        }
+    }
+    Ok(())
+}
+
+fn named(trouble: Trouble, element: usize, options: &ConvolveOptions) -> FluxError {
+    match trouble {
+        Trouble::NotSettled(found) => FluxError::NotSettled {
+            element,
+            found,
+            wanted: options.tolerance,
+        },
+        Trouble::Hidden { bin, by } => FluxError::HiddenBin { bin, by },
+    }
 }
 
 /// What there is before any of it is spread.
@@ -177,14 +267,12 @@ fn lay(
     quantum_w: f64,
     going: &Going<'_>,
 ) -> Result<Vec<u64>, FluxError> {
-    let cosine = |element: &Element| dot(element.normal(), sun);
-    let lit = scene.elements.iter().map(cosine).filter(|c| *c > 0.0);
-    let cones = Cones::new(scene.sun_shape, &scene.optical_error, lit);
-    let surface = Surface::new(scene.receiver, options.points);
+    let cones = cones_of(scene, scene.elements, sun);
+    let surface = Surface::new(scene.receiver);
     let bins = scene.receiver.bins();
     let tasks = scene.elements.len().div_ceil(ELEMENTS_PER_TASK);
     let parts = over_tasks(tasks, options.threads, |mine| {
-        let mut spread = Spread::new(&surface, options.tolerance);
+        let mut spread = Spread::new(&surface, options);
         let mut quanta = vec![0_u64; bins];
         // the first in the order of the elements, whichever thread finds it
         let mut trouble: Option<(usize, Trouble)> = None;
@@ -195,23 +283,15 @@ fn lay(
                 if trouble.as_ref().is_some_and(|(of, _)| *of < number) {
                     break;
                 }
-                let Some(cone) = cones.of(cosine(element)).filter(|_| cosine(element) > 0.0) else {
-                    continue;
-                };
-                let strength = scene.dni_w_m2 * element.reflectivity();
-                for piece in pieces(element, Origins::Spread) {
-                    let area_m2 = element.area_m2() * piece.share;
-                    let outline = Outline::new(&piece, area_m2, sun, strength, cone);
-                    if outline.power_w <= 0.0 {
-                        continue;
-                    }
-                    if let Err(found) = spread.light(&outline) {
-                        trouble = Some((number, found));
-                        break;
-                    }
+                let found = each_outline(scene, element, sun, &cones, |outline| {
+                    spread.light(outline)?;
                     for (&bin, power_w) in spread.bins.iter().zip(&spread.power_w) {
                         quanta[bin as usize] += (power_w / quantum_w).round() as u64;
                     }
+                    Ok(())
+                });
+                if let Err(found) = found {
+                    trouble = Some((number, found));
                 }
             }
             going.did((last - first) as u64);
@@ -232,11 +312,6 @@ fn lay(
     }
     match first {
         None => Ok(all),
-        Some((element, Trouble::NotSettled(found))) => Err(FluxError::NotSettled {
-            element,
-            found,
-            wanted: options.tolerance,
-        }),
-        Some((_, Trouble::Hidden { bin, by })) => Err(FluxError::HiddenBin { bin, by }),
+        Some((element, trouble)) => Err(named(trouble, element, options)),
     }
 }

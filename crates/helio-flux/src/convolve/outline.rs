@@ -267,44 +267,4 @@ impl<'a> Outline<'a> {
         }
         self.cone.within(seen)
     }
-
-    /// Likewise on the lit side of a cylinder or cone, given its rims (base and end) in the axes. `None` if not all of it
-    /// lies ahead.
-    pub(super) fn part_on_round(&self, from: Vector, rims: &[Vec<Vector>; 2]) -> Option<f64> {
-        let mut seen = [const { Vec::new() }; 2];
-        for (seen, rim) in seen.iter_mut().zip(rims) {
-            for corner in rim {
-                let [x, y, z] = sub(*corner, from);
-                if z <= 0.0 {
-                    return None;
-                }
-                seen.push([x / z, y / z]);
-            }
-        }
-        let [base, end] = seen;
-        let count = base.len();
-        let is_lit = |k: usize| {
-            let next = (k + 1) % count;
-            let piece = [base[k], base[next], end[next], end[k]];
-            let turn = |j: usize| {
-                let (p, q): ([f64; 2], [f64; 2]) = (piece[j], piece[(j + 1) % 4]);
-                p[0] * q[1] - p[1] * q[0]
-            };
-            (0..4).map(turn).sum::<f64>() < 0.0
-        };
-        let lit: Vec<bool> = (0..count).map(is_lit).collect();
-        let mut edges = Vec::with_capacity(2 * count);
-        for k in (0..count).filter(|&k| lit[k]) {
-            let (next, before) = ((k + 1) % count, (k + count - 1) % count);
-            edges.push([base[k], base[next]]);
-            edges.push([end[next], end[k]]);
-            if !lit[next] {
-                edges.push([base[next], end[next]]);
-            }
-            if !lit[before] {
-                edges.push([end[k], base[k]]);
-            }
-        }
-        Some(self.cone.within_edges(&edges))
-    }
 }

@@ -20,6 +20,9 @@ pub(super) struct Radial {
     knots_per_square: f64,
     over_square: Vec<f64>,
     terms: usize,
+    /// Numbers of a knot: powers of the cosine where it is 4, else multiples of the angle; and the last knot but one.
+    stride: usize,
+    last: usize,
     /// The whole light of a sector.
     whole: Vec<f64>,
     knee: f64,
@@ -62,6 +65,8 @@ impl Radial {
             knots_per_square: KNOTS as f64 / (knee * knee),
             over_square,
             terms: 1,
+            stride: 1,
+            last: KNOTS - 1,
             whole: vec![1.0],
             knee,
             knots_per_radius: KNOTS as f64 / (end - knee),
@@ -97,7 +102,13 @@ impl Radial {
             whole: whole.collect(),
             knee_squared: square,
             knots_per_square: knots as f64 / square,
-            over_square,
+            stride: if terms == 1 { 1 } else { terms.max(4) },
+            last: knots - 1,
+            over_square: if (2..=4).contains(&terms) {
+                over_square.chunks(terms).flat_map(powers).collect()
+            } else {
+                over_square
+            },
             terms,
             knee: end,
             knots_per_radius: 1.0,
@@ -111,15 +122,18 @@ impl Radial {
     /// Light within a radius over the radius squared, up to the knee; `cosine` is that of twice the angle.
     fn over_square(&self, squared: f64, cosine: f64) -> f64 {
         let at = squared * self.knots_per_square;
-        let last = self.over_square.len() / self.terms - 2;
-        let knot = (at as usize).min(last);
+        let knot = (at as usize).min(self.last);
         let part = at - knot as f64;
         if self.terms == 1 {
             let (low, high) = (self.over_square[knot], self.over_square[knot + 1]);
             return low + (high - low) * part;
         }
-        let pair = &self.over_square[knot * self.terms..(knot + 2) * self.terms];
-        let (low, high) = pair.split_at(self.terms);
+        let pair = &self.over_square[knot * self.stride..(knot + 2) * self.stride];
+        let (low, high) = pair.split_at(self.stride);
+        if let (&[a, b, c, d], &[p, q, r, s]) = (low, high) {
+            let [a, b, c, d] = [(a, p), (b, q), (c, r), (d, s)].map(|(l, h)| l + (h - l) * part);
+            return a + cosine * (b + cosine * (c + cosine * d));
+        }
         // Clenshaw 1955
         let (mut one, mut two) = (0.0, 0.0);
         for (a, b) in low.iter().zip(high).skip(1).rev() {
@@ -168,15 +182,6 @@ impl Radial {
         }
         let sum: f64 = edges.map(|edge| self.along(edge)).sum();
         (sum.copysign(sum * orientation) / TAU).clamp(0.0, 1.0)
-    }
-
-    /// Likewise in any outline, given by its edges, clockwise where it is lit.
-    pub(super) fn within_edges(&self, edges: &[[[f64; 2]; 2]]) -> f64 {
-        let sum: f64 = edges
-            .iter()
-            .map(|[p, q]| self.along(&Edge::new(*p, *q)))
-            .sum();
-        (-sum / TAU).clamp(0.0, 1.0)
     }
 
     /// ∫ C dφ over an edge.
@@ -248,6 +253,14 @@ impl Radial {
         }
         sum
     }
+}
+
+/// Of up to four cosines of multiples of an angle, the powers of its cosine.
+fn powers(of: &[f64]) -> [f64; 4] {
+    let mut all = [0.0; 4];
+    all[..of.len()].copy_from_slice(of);
+    let [a, b, c, d] = all;
+    [a - c, b - 3.0 * d, 2.0 * c, 4.0 * d]
 }
 
 /// A directed edge of an outline: how far from the middle of the cone it passes (positive if that lies to its left),

@@ -1,7 +1,8 @@
 //! The light of one mirror, laid into the bins of the receiver.
 
+use super::ConvolveOptions;
 use super::outline::{Figure, Outline};
-use super::surface::{Ball, Surface};
+use super::surface::{Ball, Surface, point};
 use crate::receiver::Receiver;
 use crate::vector::{Vector, add, dot, norm, scale, sub};
 
@@ -13,6 +14,9 @@ const PIECE_LENGTH: f64 = 0.5;
 
 /// Most points along a side of a bin: beyond, the mirror is cut instead.
 const MOST_SIDE: usize = 16;
+
+/// Points around a cylinder or cone, at least.
+const AROUND: usize = 64;
 
 /// How often a mirror is cut into quarters at most.
 const DEPTH: usize = 12;
@@ -40,39 +44,34 @@ struct Cell {
     count: usize,
 }
 
-/// All of the receiver, in the axes of a mirror.
-enum Whole {
-    Plane([Vector; 4]),
-    Round([Vec<Vector>; 2]),
-}
-
 /// What a thread lays light with.
 pub(super) struct Spread<'a> {
     surface: &'a Surface<'a>,
     tolerance: f64,
+    points: usize,
     /// The bins that may be lit by the mirror at hand, and their power \[W\].
     pub bins: Vec<u32>,
     pub power_w: Vec<f64>,
     whole_plane: Option<[Vector; 4]>,
-    rims: Option<[Vec<Vector>; 2]>,
     /// Whether parts of the receiver may lie behind others.
     is_folded: bool,
     cells: Vec<Cell>,
-    evaluations: u64,
+    /// Polygons put under a cone for the mirror at hand.
+    pub evaluations: u64,
     unsettled_w: f64,
     hidden: Option<(usize, usize)>,
 }
 
 impl<'a> Spread<'a> {
-    pub(super) fn new(surface: &'a Surface<'a>, tolerance: f64) -> Self {
+    pub(super) fn new(surface: &'a Surface<'a>, options: &ConvolveOptions) -> Self {
         let receiver = surface.receiver;
         Self {
             surface,
-            tolerance,
+            tolerance: options.tolerance,
+            points: options.points,
             bins: Vec::new(),
             power_w: Vec::new(),
             whole_plane: surface.whole_plane(),
-            rims: surface.rims(),
             is_folded: matches!(receiver, Receiver::Mesh(_)) && receiver.plane().is_none(),
             cells: Vec::new(),
             evaluations: 0,
@@ -96,17 +95,19 @@ impl<'a> Spread<'a> {
         self.surface
             .near(|ball| outline.reaches(&from, &local(ball)), &mut bins);
         self.bins = bins;
+        self.evaluations = 0;
         self.power_w.clear();
         self.power_w.resize(self.bins.len(), 0.0);
         if self.bins.is_empty() {
             return Ok(());
         }
-        let (mut nearest_m, mut size_m) = (f64::INFINITY, 0.0_f64);
+        let (mut nearest_m, mut size_m) = (f64::INFINITY, [0.0_f64; 2]);
         for &bin in &self.bins {
             let middle = self.surface.receiver.bin_centre_m(bin as usize);
             let own_m = self.surface.size_m(bin as usize);
-            nearest_m = nearest_m.min(outline.local(middle)[2] - from.centre[2] - own_m);
-            size_m = size_m.max(own_m);
+            let near_m = outline.local(middle)[2] - from.centre[2] - own_m[0].max(own_m[1]);
+            nearest_m = nearest_m.min(near_m);
+            size_m = [0, 1].map(|k| size_m[k].max(own_m[k]));
         }
         // parts of a bin much nearer than where the middle ray ends are in the light of none
         let blur_m = outline.blur_m(nearest_m.max(0.5 * self.way_m(outline)));
@@ -126,104 +127,111 @@ impl<'a> Spread<'a> {
 
     /// At points of the bins, as many as it takes until they hold what falls on the receiver; false if that is more than
     /// pieces of the mirror take.
-    fn at_points(&mut self, outline: &Outline<'_>, size_m: f64, blur_m: f64) -> bool {
-        let mut side = self.surface.side;
-        while size_m > POINTS_APART * blur_m * side as f64 && side <= MOST_SIDE {
-            side *= 2;
+    fn at_points(&mut self, outline: &Outline<'_>, size_m: [f64; 2], blur_m: f64) -> bool {
+        let mut sides = size_m.map(|size_m| {
+            let mut side = self.points;
+            while size_m > POINTS_APART * blur_m * side as f64 && side <= MOST_SIDE {
+                side *= 2;
+            }
+            side
+        });
+        if let Receiver::Frustum(round) = self.surface.receiver {
+            // where it curves away from the light, too
+            while sides[1] * round.columns() < AROUND {
+                sides[1] *= 2;
+            }
         }
         let mut cuts = 1.0;
         while outline.length_m > PIECE_LENGTH * blur_m * cuts && cuts < 4096.0 {
             cuts *= 2.0;
         }
         let nodes = outline.figure.nodes().1 as f64;
-        if side as f64 * side as f64 >= nodes * cuts * cuts {
+        let is_mesh = matches!(self.surface.receiver, Receiver::Mesh(_));
+        if is_mesh || (sides[0] * sides[1]) as f64 >= nodes * cuts * cuts {
             return false;
         }
-        let Some(whole) = self.whole(outline) else {
-            return false;
+        let inside_w = match self.whole_plane {
+            Some(whole) => {
+                let whole = whole.map(|p| outline.local(p));
+                let all = (outline.figure, outline.length_m, outline.power_w);
+                Some(self.inside(outline, &whole, all, blur_m))
+            }
+            // The outline of a round receiver has too many edges to be asked; with points as near as these its bins are
+            // right to a few parts in ten thousand.
+            None => None,
         };
-        let all = (outline.figure, outline.length_m, outline.power_w);
-        let Some(inside_w) = self.inside(outline, &whole, all, blur_m) else {
-            return false;
-        };
-        while side <= MOST_SIDE {
+        let receiver = self.surface.receiver;
+        while sides[0].max(sides[1]) <= MOST_SIDE {
             let mut sum_w = 0.0;
+            let count = sides[0] * sides[1];
+            let kept = self.surface.points(sides);
             for (power_w, &bin) in self.power_w.iter_mut().zip(&self.bins) {
                 let bin = bin as usize;
-                let flux = |k| outline.flux_at(&self.surface.point(bin, k, side));
-                let sum: f64 = (0..side * side).map(flux).sum();
-                let area_m2 = self.surface.receiver.bin_area_m2(bin);
-                *power_w = sum / (side * side) as f64 * area_m2;
+                let sum: f64 = match kept {
+                    Some(all) => {
+                        let mine = &all[bin * count..(bin + 1) * count];
+                        mine.iter().map(|point| outline.flux_at(point)).sum()
+                    }
+                    None => (0..count)
+                        .map(|k| outline.flux_at(&point(receiver, bin, k, sides)))
+                        .sum(),
+                };
+                *power_w = sum / count as f64 * receiver.bin_area_m2(bin);
                 sum_w += *power_w;
             }
-            if (sum_w - inside_w).abs() <= self.tolerance * outline.power_w {
+            self.evaluations += (self.bins.len() * count) as u64;
+            let wanted_w = inside_w.unwrap_or(sum_w).min(outline.power_w);
+            if (sum_w - wanted_w).abs() <= self.tolerance * outline.power_w {
                 // to the last digit
                 if sum_w > 0.0 {
                     for power_w in &mut self.power_w {
-                        *power_w *= inside_w / sum_w;
+                        *power_w *= wanted_w / sum_w;
                     }
                 }
                 return true;
             }
-            side *= 2;
+            sides = sides.map(|side| 2 * side);
         }
         self.power_w.fill(0.0);
         false
     }
 
-    fn whole(&self, outline: &Outline<'_>) -> Option<Whole> {
-        if let Some(corners) = self.whole_plane {
-            return Some(Whole::Plane(corners.map(|p| outline.local(p))));
-        }
-        let rims = self.rims.as_ref()?;
-        let local = |rim: &Vec<Vector>| rim.iter().map(|p| outline.local(*p)).collect();
-        Some(Whole::Round([local(&rims[0]), local(&rims[1])]))
-    }
-
-    /// Power of a piece (figure, longest edge, power) that falls on the receiver, without its bins. `None` if it cannot be
-    /// told.
+    /// Power of a piece (figure, longest edge, power) that falls on a flat receiver, given its corners, without its
+    /// bins.
     fn inside(
         &self,
         outline: &Outline<'_>,
-        whole: &Whole,
+        whole: &[Vector; 4],
         (figure, length_m, power_w): (Figure, f64, f64),
         blur_m: f64,
-    ) -> Option<f64> {
+    ) -> f64 {
         let ball = around(&figure);
         let mut receiver = self.surface.ball();
         receiver.centre = outline.local(receiver.centre);
         if !outline.reaches(&ball, &receiver) {
-            return Some(0.0);
+            return 0.0;
         }
-        let part = |from: Vector| match whole {
-            Whole::Plane(corners) => Some(outline.part_on(from, corners)),
-            Whole::Round(rims) => outline.part_on_round(from, rims),
-        };
+        let part = |from: &Vector| outline.part_on(*from, whole);
         let is_small = length_m <= PIECE_LENGTH * blur_m;
         if !is_small {
             let (corners, count) = figure.corners();
-            let mut is_inside = true;
-            for corner in &corners[..count] {
-                is_inside &= part(*corner)? >= 1.0 - 1e-9;
-            }
-            if is_inside {
-                return Some(power_w);
+            if corners[..count].iter().all(|corner| part(corner) >= 1.0) {
+                return power_w;
             }
         }
         if is_small || length_m <= outline.length_m / 4096.0 {
             let (nodes, count) = figure.nodes();
-            let mut sum = 0.0;
-            for node in &nodes[..count] {
-                sum += part(*node)?;
-            }
-            return Some(sum / count as f64 * power_w);
+            let sum: f64 = nodes[..count].iter().map(part).sum();
+            return sum / count as f64 * power_w;
         }
-        let mut sum_w = 0.0;
-        for quarter in figure.quarters() {
-            let quarter = (quarter, 0.5 * length_m, 0.25 * power_w);
-            sum_w += self.inside(outline, whole, quarter, blur_m)?;
-        }
-        Some(sum_w)
+        figure
+            .quarters()
+            .map(|quarter| {
+                let quarter = (quarter, 0.5 * length_m, 0.25 * power_w);
+                self.inside(outline, whole, quarter, blur_m)
+            })
+            .iter()
+            .sum()
     }
 
     /// Piece by piece of the mirror, each as a few points that see the bins as they are: what they give adds up to what
@@ -249,7 +257,7 @@ impl<'a> Spread<'a> {
                 }
             });
         }
-        (self.evaluations, self.unsettled_w, self.hidden) = (0, 0.0, None);
+        (self.unsettled_w, self.hidden) = (0.0, None);
         let mut stack: Vec<u32> = (0..self.cells.len() as u32).collect();
         let all = (outline.figure, outline.length_m, outline.power_w);
         self.piece(outline, all, blur_m, 0, &mut stack, 0);

@@ -1,6 +1,8 @@
 //! The receiver as flat pieces, as points, and as a tree of balls.
 
-use crate::receiver::{Frustum, Receiver};
+use std::sync::OnceLock;
+
+use crate::receiver::Receiver;
 use crate::vector::{Vector, add, norm, scale, sub};
 
 /// Flat pieces around a cylinder or cone, at least: the prism is 8e-5 of the radius inside it on the average.
@@ -39,17 +41,16 @@ pub(super) struct Surface<'a> {
     pub receiver: &'a Receiver,
     nodes: Vec<Node>,
     order: Vec<u32>,
-    /// Longest side of each bin \[m\]; one for all where they are alike.
-    sizes_m: Vec<f64>,
-    points: Vec<Point>,
-    /// Points along each side of a bin.
-    pub side: usize,
+    /// Height and width of each bin \[m\]; one for all where they are alike.
+    sizes_m: Vec<[f64; 2]>,
+    /// Of one, two and four points along each side.
+    points: [OnceLock<Vec<Point>>; 9],
     /// Flat pieces that a column of a round receiver is cut into.
     pub cuts: usize,
 }
 
 impl<'a> Surface<'a> {
-    pub(super) fn new(receiver: &'a Receiver, side: usize) -> Self {
+    pub(super) fn new(receiver: &'a Receiver) -> Self {
         let bins = receiver.bins();
         let cuts = match receiver {
             Receiver::Frustum(round) => AROUND.div_ceil(round.columns()),
@@ -60,40 +61,35 @@ impl<'a> Surface<'a> {
             nodes: Vec::new(),
             order: (0..bins as u32).collect(),
             sizes_m: Vec::new(),
-            points: Vec::new(),
-            side,
+            points: [const { OnceLock::new() }; 9],
             cuts,
         };
         surface.sizes_m = match receiver {
-            Receiver::Plane(_) => vec![surface.longest_m(0)],
-            _ => (0..bins).map(|bin| surface.longest_m(bin)).collect(),
+            Receiver::Plane(_) => vec![surface.size_of(0)],
+            _ => (0..bins).map(|bin| surface.size_of(bin)).collect(),
         };
         let balls: Vec<Ball> = (0..bins).map(|bin| surface.ball_of(bin)).collect();
         let mut order = core::mem::take(&mut surface.order);
         surface.grow(&mut order, 0, &balls);
         surface.order = order;
-        if bins * side * side <= KEPT && !matches!(receiver, Receiver::Mesh(_)) {
-            surface.points = (0..bins * side * side)
-                .map(|k| surface.point(k / (side * side), k % (side * side), side))
-                .collect();
-        }
         surface
     }
 
-    pub(super) fn size_m(&self, bin: usize) -> f64 {
+    pub(super) fn size_m(&self, bin: usize) -> [f64; 2] {
         self.sizes_m[bin.min(self.sizes_m.len() - 1)]
     }
 
-    fn longest_m(&self, bin: usize) -> f64 {
-        let mut longest_m = 0.0_f64;
+    fn size_of(&self, bin: usize) -> [f64; 2] {
+        let mut size_m = [0.0_f64; 2];
         self.each_piece(bin, |corners| {
-            let first = norm(sub(corners[1], corners[0])) * self.cuts as f64;
-            let others = (1..corners.len())
-                .map(|k| norm(sub(corners[(k + 1) % corners.len()], corners[k])))
-                .fold(0.0, f64::max);
-            longest_m = longest_m.max(first).max(others);
+            for (k, corner) in corners.iter().enumerate() {
+                let side_m = norm(sub(corners[(k + 1) % corners.len()], *corner));
+                // first along a row, then down, and so on
+                let cuts = if k % 2 == 0 { self.cuts as f64 } else { 1.0 };
+                size_m[1 - k % 2] = size_m[1 - k % 2].max(side_m * cuts);
+            }
         });
-        longest_m
+        size_m
     }
 
     fn ball_of(&self, bin: usize) -> Ball {
@@ -174,31 +170,20 @@ impl<'a> Surface<'a> {
         self.nodes[0].ball
     }
 
-    /// One of the points of a bin, each of which stands for the same area (of a triangle's, not quite).
-    pub(super) fn point(&self, bin: usize, k: usize, side: usize) -> Point {
-        if side == self.side && !self.points.is_empty() {
-            return self.points[bin * side * side + k];
+    /// Points of all bins, `sides` of them down and along a row of each, if they are few enough to be kept.
+    pub(super) fn points(&self, sides: [usize; 2]) -> Option<&[Point]> {
+        let bins = self.receiver.bins();
+        let count = sides[0] * sides[1];
+        let place = |side: usize| [1, 2, 4].iter().position(|&n| n == side);
+        let place = 3 * place(sides[0])? + place(sides[1])?;
+        if bins * count > KEPT {
+            return None;
         }
-        let place = |k: usize| place(k, side);
-        let (row, column) = (bin / self.receiver.columns(), bin % self.receiver.columns());
-        let (row, column) = (
-            row as f64 + place(k / side),
-            column as f64 + place(k % side),
-        );
-        match self.receiver {
-            Receiver::Plane(plane) => Point {
-                at: plane.point_m(row, column),
-                normal: plane.normal(),
-            },
-            Receiver::Frustum(round) => Point {
-                at: round.point_m(row, column),
-                normal: round.normal(column),
-            },
-            Receiver::Mesh(_) => Point {
-                at: self.receiver.bin_centre_m(bin),
-                normal: self.receiver.bin_normal(bin),
-            },
-        }
+        let all = || {
+            let one = |k: usize| point(self.receiver, k / count, k % count, sides);
+            (0..bins * count).map(one).collect()
+        };
+        Some(self.points[place].get_or_init(all))
     }
 
     /// The flat pieces of a bin: their corners, counterclockwise as seen from the lit side.
@@ -225,15 +210,47 @@ impl<'a> Surface<'a> {
         let (rows, columns) = (plane.rows() as f64, plane.columns() as f64);
         Some(rectangle(|r, c| plane.point_m(r * rows, c * columns)))
     }
+}
 
-    /// The rims of a round one, base and end: corners of its flat pieces.
-    pub(super) fn rims(&self) -> Option<[Vec<Vector>; 2]> {
-        let Receiver::Frustum(round) = self.receiver else {
-            return None;
-        };
-        let rim = |row: usize| rim(round, row as f64, self.cuts);
-        Some([rim(round.rows()), rim(0)])
+/// One of the points of a bin (of a triangle: with as many along each side), each of which stands for the same area; on a cone,
+/// nearly so.
+pub(super) fn point(receiver: &Receiver, bin: usize, k: usize, sides: [usize; 2]) -> Point {
+    let [high, wide] = sides;
+    let (row, column) = (bin / receiver.columns(), bin % receiver.columns());
+    let row = row as f64 + place(k / wide, high);
+    let column = column as f64 + place(k % wide, wide);
+    match receiver {
+        Receiver::Plane(plane) => Point {
+            at: plane.point_m(row, column),
+            normal: plane.normal(),
+        },
+        Receiver::Frustum(round) => Point {
+            at: round.point_m(row, column),
+            normal: round.normal(column),
+        },
+        Receiver::Mesh(mesh) => Point {
+            at: of_triangle(mesh.corners_m(bin).unwrap_or_default(), k, wide),
+            normal: receiver.bin_normal(bin),
+        },
     }
+}
+
+/// The middle of one of the triangles that lines along its sides cut a triangle into, `side` rows of 1, 3, 5, …
+fn of_triangle(corners: &[Vector], k: usize, side: usize) -> Vector {
+    let &[a, b, c] = corners else {
+        return [0.0; 3];
+    };
+    let row = k.isqrt();
+    let along = k - row * row;
+    // sums of the places of three corners: rows from the first corner, and steps along them
+    let (rows, steps) = if along.is_multiple_of(2) {
+        (3 * row + 2, 3 * (along / 2) + 1)
+    } else {
+        (3 * row + 1, 3 * (along / 2) + 2)
+    };
+    let third = 1.0 / (3 * side) as f64;
+    let down = scale(sub(b, a), rows as f64 * third);
+    add(a, add(down, scale(sub(c, b), steps as f64 * third)))
 }
 
 /// The nodes of a rule along a side, as parts of it: of Gauss with two for each pair, or the middle of each part.
@@ -245,12 +262,6 @@ fn place(k: usize, side: usize) -> f64 {
         k as f64 + 0.5
     };
     at / side as f64
-}
-
-fn rim(round: &Frustum, row: f64, cuts: usize) -> Vec<Vector> {
-    (0..round.columns() * cuts)
-        .map(|k| round.point_m(row, k as f64 / cuts as f64))
-        .collect()
 }
 
 /// Corners, given parts of the way down and to the right.
