@@ -67,7 +67,7 @@ fn main() -> Result<(), String> {
         bins.map(|(bin, flux)| flux * made.receiver.bin_area_m2(bin))
             .collect()
     };
-    // The integral knows neither shade nor slopes.
+    // The integral knows no shade.
     let exact = (name == "plate")
         .then(|| {
             let options = ConvolveOptions {

@@ -145,7 +145,7 @@ pub fn choose_way(
         let way = Way::Rays(rays.unwrap_or(pilot));
         Choice { way, why }
     };
-    if occluded_w > 0.0 && rays.is_some() {
+    if occluded_w > 0.0 {
         return Ok(by_rays(Why::Occlusion(occluded_w / account.incoming_w)));
     }
     let points = ConvolveOptions::default().points;
@@ -212,7 +212,7 @@ fn scatter(receiver: &Receiver, map: &FluxMap) -> Option<f64> {
 ///
 /// Of rays, one standard error as it would be if they were random, 1/√n of n rays in the bin (counted as if nothing had
 /// been lost of any): low-discrepancy rays scatter less. As many bins scatter, the greatest of equal ones lies two
-/// or three of these above what it should be. Of a convolution, what 16 times 16 points say of that bin instead, and
+/// or three of these above what it should be. Of a convolution, what 8 times 8 points say of that bin instead, and
 /// 5e-4 for what the tables of its cones may be off. Unknown are errors that both share: flat elements, the sun's
 /// shape.
 ///
@@ -226,6 +226,6 @@ pub fn peak_error(scene: &Scene<'_>, map: &FluxMap) -> Result<Option<f64>, FluxE
     if map.account().rays > 0 {
         return Ok(scatter(scene.receiver, map));
     }
-    let fine = Measure::bin_flux(scene, bin, 16)?;
+    let fine = Measure::bin_flux(scene, bin, 8)?;
     Ok(Some((fine - flux).abs() / flux + CONVOLVED))
 }
