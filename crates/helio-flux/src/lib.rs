@@ -3,6 +3,7 @@
 pub mod account;
 mod behind;
 mod bvh;
+pub mod choice;
 pub mod convolve;
 pub mod deform;
 pub mod element;
@@ -22,6 +23,7 @@ mod vector;
 
 pub use account::Account;
 pub use behind::lit_from_behind_w;
+pub use choice::{Choice, Way, Why, choose_way, peak_error};
 pub use convolve::{ConvolveOptions, convolve, convolve_watched};
 pub use element::Element;
 pub use error::FluxError;

@@ -15,6 +15,7 @@ use super::outputs::{self, Outputs};
 use super::plots::{self, Plot};
 use super::shapes::Shapes;
 use super::summary;
+use super::way::Taken;
 use crate::Outcome;
 use crate::args::{DeformWord, FluxArgs, word};
 use crate::failure::Failure;
@@ -49,14 +50,21 @@ pub(super) fn run(
     shapes.say(printer);
     let elements = shapes.elements(scene.mirror.reflectivity)?;
     let sun = sun(&scene);
-    let map = super::light(&scene, &elements, sun, threads, printer)?;
+    let (map, taken) = super::light(&scene, &elements, sun, threads, printer)?;
     let arrival = Arrival::of(&scene, &elements, sun, &map)?;
     summary::say_account(map.account(), printer);
     arrival.say(printer);
     let dni_w_m2 = scene.sun.dni_w_m2;
     summary::say_peak(&scene.receiver, &map, dni_w_m2, printer);
     let left_out = shapes.left_out();
-    let found = found(model, &scene, &read, &shapes, (&map, &arrival), &inputs)?;
+    let found = found(
+        model,
+        &scene,
+        &read,
+        &shapes,
+        (&map, &arrival, &taken),
+        &inputs,
+    )?;
     let drawn = plots::draw(args, || plot(model, &scene, &read, &shapes, &map))?;
     outputs.map(&scene.receiver, &map, ["x_m", "y_m", "z_m"], printer)?;
     if let (Some(path), Some(traced)) = (&args.slopes, &shapes.traced_slopes()) {
@@ -326,14 +334,14 @@ fn found(
     scene: &FluxScene,
     read: &Read,
     shapes: &Shapes,
-    (map, arrival): (&FluxMap, &Arrival),
+    (map, arrival, taken): (&FluxMap, &Arrival, &Taken),
     inputs: &[PathBuf],
 ) -> Result<Value, Failure> {
     Ok(json!({
         "mesh": read.json(model),
         "method": if read.loaded { word(shapes.method) } else { word(DeformWord::Unloaded) },
         "slope_errors": shapes.json(),
-        "scene": super::about_scene(scene, sun(scene)),
+        "scene": super::about_scene(scene, sun(scene), taken),
         "power": summary::account(map.account()),
         "receiver": summary::receiver(&scene.receiver, map, scene.sun.dni_w_m2, arrival),
         "files": super::hashes(inputs)?,
