@@ -80,12 +80,12 @@ fn oblique_slopes_are_those_of_rays_within_their_scatter() {
             let n = SEEDS as f64;
             let (mut off, mut scatter) = (0.0, 0.0);
             let mut want = vec![0.0; BINS * BINS];
-            for bin in 0..BINS * BINS {
+            for (bin, want) in want.iter_mut().enumerate() {
                 let of = |map: &FluxMap| map.irradiance_w_m2()[bin];
-                want[bin] = maps.iter().map(of).sum::<f64>() / n;
-                let squares = maps.iter().map(|map| (of(map) - want[bin]).powi(2));
+                *want = maps.iter().map(of).sum::<f64>() / n;
+                let squares = maps.iter().map(|map| (of(map) - *want).powi(2));
                 scatter += squares.sum::<f64>() / (n * (n - 1.0));
-                off += (got.irradiance_w_m2()[bin] - want[bin]).powi(2);
+                off += (got.irradiance_w_m2()[bin] - *want).powi(2);
             }
             let peak = want.iter().copied().fold(0.0, f64::max);
             let rms = |sum: f64| (sum / (BINS * BINS) as f64).sqrt() / peak;
