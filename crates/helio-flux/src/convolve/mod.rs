@@ -42,8 +42,9 @@ impl Default for ConvolveOptions {
     }
 }
 
-/// Elements of a task for a thread.
+/// Most elements of a task for a thread, and tasks enough for any number of threads.
 const ELEMENTS_PER_TASK: usize = 16;
+const TASKS: usize = 128;
 
 /// Quanta of power in all that is reflected: whole ones add up to the same in any order.
 const QUANTA: f64 = (1_u64 << 60) as f64;
@@ -270,15 +271,16 @@ fn lay(
     let cones = cones_of(scene, scene.elements, sun);
     let surface = Surface::new(scene.receiver);
     let bins = scene.receiver.bins();
-    let tasks = scene.elements.len().div_ceil(ELEMENTS_PER_TASK);
+    let of_task = (scene.elements.len() / TASKS).clamp(1, ELEMENTS_PER_TASK);
+    let tasks = scene.elements.len().div_ceil(of_task);
     let parts = over_tasks(tasks, options.threads, |mine| {
         let mut spread = Spread::new(&surface, options);
         let mut quanta = vec![0_u64; bins];
         // the first in the order of the elements, whichever thread finds it
         let mut trouble: Option<(usize, Trouble)> = None;
         for task in mine.take_while(|_| going.is_on()) {
-            let first = task * ELEMENTS_PER_TASK;
-            let last = scene.elements.len().min(first + ELEMENTS_PER_TASK);
+            let first = task * of_task;
+            let last = scene.elements.len().min(first + of_task);
             for (number, element) in scene.elements.iter().enumerate().take(last).skip(first) {
                 if trouble.as_ref().is_some_and(|(of, _)| *of < number) {
                     break;

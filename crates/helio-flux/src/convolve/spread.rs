@@ -6,8 +6,9 @@ use super::surface::{Ball, Surface, point};
 use crate::receiver::Receiver;
 use crate::vector::{Vector, add, dot, norm, scale, sub};
 
-/// Points this part of what half the light of a point is spread over apart see an image as smooth.
-const POINTS_APART: f64 = 0.25;
+/// Points of pairs see an image as smooth that lie this part of what half the light of a point is spread over apart; and
+/// single ones.
+const POINTS_APART: [f64; 2] = [0.4, 0.2];
 
 /// Pieces of a mirror may be this part of it long to count as a few points.
 const PIECE_LENGTH: f64 = 0.5;
@@ -130,7 +131,8 @@ impl<'a> Spread<'a> {
     fn at_points(&mut self, outline: &Outline<'_>, size_m: [f64; 2], blur_m: f64) -> bool {
         let mut sides = size_m.map(|size_m| {
             let mut side = self.points;
-            while size_m > POINTS_APART * blur_m * side as f64 && side <= MOST_SIDE {
+            let most = |side: usize| POINTS_APART[side % 2] * blur_m * side as f64;
+            while size_m > most(side) && side <= MOST_SIDE {
                 side *= 2;
             }
             side
