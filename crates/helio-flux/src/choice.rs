@@ -212,8 +212,8 @@ fn scatter(receiver: &Receiver, map: &FluxMap) -> Option<f64> {
 ///
 /// Of rays, one standard error as it would be if they were random, 1/√n of n rays in the bin (counted as if nothing had
 /// been lost of any): low-discrepancy rays scatter less. As many bins scatter, the greatest of equal ones lies two
-/// or three of these above what it should be. Of a convolution, what 8 times 8 points say of that bin instead, and
-/// 5e-4 for what the tables of its cones may be off. Unknown are errors that both share: flat elements, the sun's
+/// or three of these above what it should be. Of a convolution, what 8 times 8 points say of that bin instead (or where they
+/// are too coarse, the tolerance of 1e-3), and 5e-4 for what the tables of its cones may be off. Unknown are errors that both share: flat elements, the sun's
 /// shape.
 ///
 /// # Errors
@@ -226,6 +226,7 @@ pub fn peak_error(scene: &Scene<'_>, map: &FluxMap) -> Result<Option<f64>, FluxE
     if map.account().rays > 0 {
         return Ok(scatter(scene.receiver, map));
     }
-    let fine = Measure::bin_flux(scene, bin, 8)?;
-    Ok(Some((fine - flux).abs() / flux + CONVOLVED))
+    let other = Measure::bin_flux(scene, bin, 8)?.map(|fine| (fine - flux).abs() / flux);
+    let off = other.unwrap_or(ConvolveOptions::default().tolerance);
+    Ok(Some(off + CONVOLVED))
 }

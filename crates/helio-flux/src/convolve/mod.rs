@@ -186,21 +186,35 @@ impl Measure {
         Ok(sum as f64 * step as f64)
     }
 
-    /// Irradiance of a bin \[W/m²\] by so many points along its side.
-    pub(crate) fn bin_flux(scene: &Scene<'_>, bin: usize, side: usize) -> Result<f64, FluxError> {
+    /// Irradiance of a bin \[W/m²\] by so many points along its side; `None` if they are too coarse for the images there,
+    /// so that a convolution cuts mirrors instead.
+    pub(crate) fn bin_flux(
+        scene: &Scene<'_>,
+        bin: usize,
+        side: usize,
+    ) -> Result<Option<f64>, FluxError> {
         let sun = scene.check()?;
         let cones = cones_of(scene, scene.elements, sun);
+        let (ball, size_m) = Surface::bin(scene.receiver, bin);
         let points: Vec<_> = (0..side * side)
             .map(|k| surface::point(scene.receiver, bin, k, [side; 2]))
             .collect();
-        let mut sum = 0.0;
+        let (mut sum, mut is_coarse) = (0.0, false);
         for element in scene.elements {
             each_outline(scene, element, sun, &cones, |outline| {
-                sum += points.iter().map(|p| outline.flux_at(p)).sum::<f64>();
+                let flux: f64 = points.iter().map(|p| outline.flux_at(p)).sum();
+                sum += flux;
+                let from = outline.ball();
+                let to = surface::Ball {
+                    centre: outline.local(ball.centre),
+                    ..ball
+                };
+                let blur_m = outline.blur_m(to.centre[2] - from.centre[2]);
+                is_coarse |= size_m > 0.25 * blur_m * side as f64 && outline.reaches(&from, &to);
                 Ok::<(), FluxError>(())
             })?;
         }
-        Ok(sum / points.len() as f64)
+        Ok((!is_coarse).then(|| sum / points.len() as f64))
     }
 }
 

@@ -50,29 +50,40 @@ pub(super) struct Surface<'a> {
 }
 
 impl<'a> Surface<'a> {
-    pub(super) fn new(receiver: &'a Receiver) -> Self {
-        let bins = receiver.bins();
+    fn bare(receiver: &'a Receiver) -> Self {
         let cuts = match receiver {
             Receiver::Frustum(round) => AROUND.div_ceil(round.columns()),
             _ => 1,
         };
-        let mut surface = Self {
+        Self {
             receiver,
             nodes: Vec::new(),
-            order: (0..bins as u32).collect(),
+            order: Vec::new(),
             sizes_m: Vec::new(),
             points: [const { OnceLock::new() }; 9],
             cuts,
-        };
+        }
+    }
+
+    pub(super) fn new(receiver: &'a Receiver) -> Self {
+        let bins = receiver.bins();
+        let mut surface = Self::bare(receiver);
         surface.sizes_m = match receiver {
             Receiver::Plane(_) => vec![surface.size_of(0)],
             _ => (0..bins).map(|bin| surface.size_of(bin)).collect(),
         };
         let balls: Vec<Ball> = (0..bins).map(|bin| surface.ball_of(bin)).collect();
-        let mut order = core::mem::take(&mut surface.order);
+        let mut order: Vec<u32> = (0..bins as u32).collect();
         surface.grow(&mut order, 0, &balls);
         surface.order = order;
         surface
+    }
+
+    /// A ball around a bin, and its longest side \[m\].
+    pub(super) fn bin(receiver: &'a Receiver, bin: usize) -> (Ball, f64) {
+        let surface = Self::bare(receiver);
+        let [height_m, width_m] = surface.size_of(bin);
+        (surface.ball_of(bin), height_m.max(width_m))
     }
 
     pub(super) fn size_m(&self, bin: usize) -> [f64; 2] {
