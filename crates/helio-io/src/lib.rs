@@ -23,6 +23,7 @@ mod campaign;
 mod error;
 mod field;
 mod finished;
+mod flux;
 mod frames;
 mod hash;
 mod joining;
@@ -55,6 +56,7 @@ pub use field::{
     load_field,
 };
 pub use finished::Finished;
+pub use flux::{GrayPicture, PictureError, TargetFlux, write_flux_map};
 pub use frames::{FrameFiles, frame_files};
 pub use hash::{Sha256, hash_file};
 pub use leftovers::{load_leftovers, write_leftovers};
@@ -66,8 +68,8 @@ pub use observations::{
 };
 pub use pictures::{write_frame, write_rgb};
 pub use scene::{
-    FluxScene, MirrorPart, SceneMethod, SceneMirror, SceneOf, SceneRays, SceneSun, SceneUnit,
-    SunForm, load_scene,
+    FluxScene, LightError, MirrorPart, SceneMethod, SceneMirror, SceneOf, SceneRays, SceneSun,
+    SceneUnit, SunForm, load_scene, scene_of_text,
 };
 pub use schema::{scene_schema, schema, target_schema};
 pub use small::{Angles, AnglesSun, PresentAngles, Suns, load_angles, load_present, load_suns};

@@ -16,12 +16,14 @@ mod array;
 mod drive;
 mod failure;
 mod field;
+mod flux;
 mod forward;
 mod guard;
 mod pool;
 mod slab;
 mod sun;
 mod track;
+mod watch;
 
 use pyo3::prelude::*;
 
@@ -40,5 +42,10 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(sun::_parse_time, module)?)?;
     module.add_function(wrap_pyfunction!(array::_address_read, module)?)?;
     module.add_function(wrap_pyfunction!(guard::_panic, module)?)?;
+
+    module.add_class::<flux::PyFlux>()?;
+    module.add_function(wrap_pyfunction!(flux::_flux_mesh, module)?)?;
+    module.add_function(wrap_pyfunction!(flux::_flux_field, module)?)?;
+    module.add_function(wrap_pyfunction!(flux::_flux_camera, module)?)?;
     Ok(())
 }

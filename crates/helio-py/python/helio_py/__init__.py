@@ -49,6 +49,14 @@ from helio_py._native import Drive, Field, Tracking, __version__, _optimised, fo
 from helio_py._status import Status, status_words
 from helio_py._sun import SunPosition
 
+# Flux.
+from helio_py._errors import FluxError, ImageError, MeshError
+from helio_py._flux import CameraFlux, FluxAccount, SlopeErrors, TargetMap, flux
+from helio_py._native import Flux
+
+# Records of others.
+from helio_py._paint import Paint, convert_paint
+
 if not _optimised:
     _warnings.warn("helio_py was built without optimisation: it is right, and slow", RuntimeWarning, stacklevel=2)
 
@@ -90,3 +98,5 @@ __all__ = [
     "sun_position",
     "track",
 ]
+__all__ += ["CameraFlux", "Flux", "FluxAccount", "FluxError", "ImageError", "MeshError", "SlopeErrors", "TargetMap", "flux"]
+__all__ += ["Paint", "convert_paint"]

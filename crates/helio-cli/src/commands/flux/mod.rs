@@ -12,10 +12,7 @@ use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::Ordering;
 
-use helio_flux::{
-    ConvolveOptions, Element, FluxMap, RayOptions, Rays, Scene, convolve_watched,
-    trace_rays_watched,
-};
+use helio_flux::{Element, FluxMap};
 use helio_io::{FluxScene, SceneMethod, SceneOf, SunForm, hash_file, load_scene};
 use serde_json::{Value, json};
 
@@ -108,15 +105,6 @@ fn light(
     threads: usize,
     printer: &Printer,
 ) -> Result<FluxMap, Failure> {
-    let shape = scene.sun.form.shape()?;
-    let lit = Scene {
-        elements,
-        receiver: &scene.receiver,
-        sun,
-        dni_w_m2: scene.sun.dni_w_m2,
-        sun_shape: &shape,
-        optical_error: scene.mirror.error,
-    };
     let trace = scene.rays.method == SceneMethod::Trace;
     let stop = stop_on_signals();
     let progress = Mutex::new(None);
@@ -129,36 +117,11 @@ fn light(
         }
         !stop.load(Ordering::Relaxed)
     };
-    let map = if trace {
-        let options = RayOptions {
-            rays: Rays::Total(scene.rays.count),
-            seed: scene.rays.seed,
-            threads,
-            ..RayOptions::default()
-        };
-        trace_rays_watched(&lit, &options, &watch)?
-    } else {
-        let options = ConvolveOptions {
-            points: scene.rays.points,
-            threads,
-        };
-        convolve_watched(&lit, &options, &watch)?
-    };
-    let interrupted = Failure::Interrupted { streamed: false };
-    let Some(map) = map else {
-        return Err(interrupted);
+    let Some(map) = scene.light(elements, sun, threads, &watch)? else {
+        return Err(Failure::Interrupted { streamed: false });
     };
     if !trace {
-        let going = |_: u64, _: u64| !stop.load(Ordering::Relaxed);
-        let other = ConvolveOptions {
-            points: other_points(scene.rays.points),
-            threads,
-        };
-        let Some(other) = convolve_watched(&lit, &other, &going)? else {
-            return Err(interrupted);
-        };
-        settled(scene, &map, &other)?;
-        say_oblique(&lit, printer);
+        say_oblique(scene, elements, sun, printer);
     }
     let took_s = match progress.into_inner() {
         Ok(Some(progress)) => progress.finish().as_secs_f64(),
@@ -173,55 +136,16 @@ fn light(
     Ok(map)
 }
 
-/// Points of a second integral, which the first is held against.
-const fn other_points(points: usize) -> usize {
-    if points < 64 { points + 1 } else { points - 1 }
-}
-
-/// Of the reflected power so much at most may lie in other bins with other points.
-const SETTLED: f64 = 0.02;
-
-/// Refuses a map whose points lie farther apart than its image is wide: they find it by chance, and the power with it.
-fn settled(scene: &FluxScene, map: &FluxMap, other: &FluxMap) -> Result<(), Failure> {
-    let account = map.account();
-    let reflected_w = account.incoming_w - account.reflection_loss_w;
-    let bins = map.irradiance_w_m2().iter().zip(other.irradiance_w_m2());
-    let apart_w: f64 = bins
-        .enumerate()
-        .map(|(bin, (one, other))| scene.receiver.bin_area_m2(bin) * (one - other).abs())
-        .sum();
-    let surplus_w = account.received_w - reflected_w;
-    if apart_w <= SETTLED * reflected_w && surplus_w <= 0.5 * SETTLED * reflected_w {
-        return Ok(());
-    }
-    let points = scene.rays.points;
-    Err(Failure::refused(format!(
-        "convolve: with {points} by {points} points for each bin {} W of {} W reflected are received, with {more} by {more} {} W, \
-         and {apart_w:.4} W lie in other bins; wanted less than {:.0} %: the points lie too far apart for so small an image: \
-         more rows and columns of [receiver], more points of [rays], or its method = \"trace\"",
-        short(account.received_w),
-        short(reflected_w),
-        short(other.account().received_w),
-        100.0 * SETTLED,
-        more = other_points(points),
-    )))
-}
-
-/// Four digits.
-fn short(watts: f64) -> String {
-    format!("{watts:.4}")
-}
-
 /// Cosine of incidence below which a slope error's cone is far from round.
 const OBLIQUE: f64 = 0.9;
 
 /// A slope error turns rays by twice itself in the plane of incidence, and by less across; the integral takes it round.
-fn say_oblique(lit: &Scene<'_>, printer: &Printer) {
-    let dot = |n: [f64; 3]| n[0] * lit.sun[0] + n[1] * lit.sun[1] + n[2] * lit.sun[2];
-    let length = dot(lit.sun).sqrt();
-    let cosines = lit.elements.iter().map(|e| dot(e.normal()) / length);
+fn say_oblique(scene: &FluxScene, elements: &[Element], sun: [f64; 3], printer: &Printer) {
+    let dot = |n: [f64; 3]| n[0] * sun[0] + n[1] * sun[1] + n[2] * sun[2];
+    let length = dot(sun).sqrt();
+    let cosines = elements.iter().map(|e| dot(e.normal()) / length);
     let least = cosines.filter(|cosine| *cosine > 0.0).fold(1.0, f64::min);
-    if lit.optical_error.slope_rms_rad() > 0.0 && least < OBLIQUE {
+    if scene.mirror.error.slope_rms_rad() > 0.0 && least < OBLIQUE {
         printer.warn(format_args!(
             "convolve takes the light that slope errors scatter as round, and it is {least:.2} times as wide across as in the plane of \
              incidence (up to {:.0} degrees here): peaks may be 10 % off at 60 degrees and 30 % at 75; method = \"trace\" is right",
