@@ -36,6 +36,7 @@ pub mod output;
 mod pictures;
 mod scene;
 mod schema;
+mod simulate;
 mod small;
 mod spots;
 mod state;
@@ -72,6 +73,9 @@ pub use scene::{
     SceneUnit, SunForm, load_scene, scene_of_text,
 };
 pub use schema::{scene_schema, schema, target_schema};
+pub use simulate::{
+    LayoutPattern, ObservationPlan, SimulateError, SimulatedLayout, SimulatedObservations,
+};
 pub use small::{Angles, AnglesSun, PresentAngles, Suns, load_angles, load_present, load_suns};
 pub use spots::{SpotRow, SpotTable, load_spots, write_spots};
 pub use state::{

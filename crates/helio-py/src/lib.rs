@@ -20,6 +20,7 @@ mod flux;
 mod forward;
 mod guard;
 mod pool;
+mod simulate;
 mod slab;
 mod sun;
 mod track;
@@ -47,5 +48,9 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(flux::_flux_mesh, module)?)?;
     module.add_function(wrap_pyfunction!(flux::_flux_field, module)?)?;
     module.add_function(wrap_pyfunction!(flux::_flux_camera, module)?)?;
+
+    module.add_class::<simulate::PyCampaign>()?;
+    module.add_function(wrap_pyfunction!(simulate::_simulate_field, module)?)?;
+    module.add_function(wrap_pyfunction!(simulate::_simulate_observations, module)?)?;
     Ok(())
 }

@@ -57,6 +57,9 @@ from helio_py._native import Flux
 # Records of others.
 from helio_py._paint import Paint, convert_paint
 
+# Simulation.
+from helio_py._simulate import SimulatedObservations, simulate_field, simulate_observations
+
 if not _optimised:
     _warnings.warn("helio_py was built without optimisation: it is right, and slow", RuntimeWarning, stacklevel=2)
 
@@ -100,3 +103,4 @@ __all__ = [
 ]
 __all__ += ["CameraFlux", "Flux", "FluxAccount", "FluxError", "ImageError", "MeshError", "SlopeErrors", "TargetMap", "flux"]
 __all__ += ["Paint", "convert_paint"]
+__all__ += ["SimulatedObservations", "simulate_field", "simulate_observations"]

@@ -193,7 +193,7 @@ def day_angles(
 
     Notes
     -----
-    An axis that turns past north is drawn on, and breaks where there is no answer.
+    Lines break where an axis turns past north, and where there is no answer.
     """
     at = unix_ns(times)
     angles = (tracking.axis1_rad, tracking.axis2_rad) if hasattr(tracking, "axis1_rad") else tuple(tracking)
@@ -208,7 +208,7 @@ def day_angles(
     moments = at.astype("datetime64[ns]")
     for k, row in enumerate(rows):
         name = str(row) if ids is None else ids[row]
-        ax.plot(moments, _unwrapped(columns[0][:, row]), color=f"C{k % 10}", label=name)
+        ax.plot(*_broken(moments, columns[0][:, row]), color=f"C{k % 10}", label=name)
         ax.plot(moments, columns[1][:, row], color=f"C{k % 10}", linestyle="--")
     handles = [Line2D([], [], color="black", label="axis 1"), Line2D([], [], color="black", ls="--", label="axis 2")]
     handles += ax.get_legend_handles_labels()[0]
@@ -220,12 +220,10 @@ def day_angles(
     return ax
 
 
-def _unwrapped(degrees: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Without jumps of a whole turn between answers."""
-    known = np.flatnonzero(np.isfinite(degrees))
-    out = degrees.copy()
-    out[known] = np.unwrap(degrees[known], period=360.0)
-    return out
+def _broken(moments: NDArray[Any], degrees: NDArray[np.float64]) -> tuple[NDArray[Any], NDArray[np.float64]]:
+    """With a break between two answers that are more than half a turn apart."""
+    jumps = np.flatnonzero(np.abs(np.diff(degrees)) > 180.0) + 1
+    return np.insert(moments, jumps, moments[jumps]), np.insert(degrees, jumps, np.nan)
 
 
 def _target(ax: Axes, size_m: tuple[float, float] | None) -> None:
@@ -480,17 +478,21 @@ def accuracy(
     ax = _axes(ax)
     ax.plot(u, v, ".", ms=3, color=_STATUS_COLOURS[0], alpha=0.5, label=f"{len(u):,} spots")
     ax.plot(*aim_m, "+", ms=12, mew=1.5, color="black", label="aim point")
+    circles: list[Any] = []
     if len(u):
         mean = (float(u.mean()), float(v.mean()))
         ax.plot(*mean, "x", ms=8, mew=1.5, color=_STATUS_COLOURS[1], label="mean spot")
         for centre, colour, word in ((aim_m, "black", "accuracy"), (mean, _STATUS_COLOURS[1], "precision")):
             radius = float(np.sqrt(np.mean((u - centre[0]) ** 2 + (v - centre[1]) ** 2)))
             said = f"{1e3 * radius:.1f} mm" if slant_m is None else f"{1e3 * radius / slant_m:.2f} mrad"
-            ax.add_patch(Circle(centre, radius, fill=False, color=colour, lw=1.3, label=f"{word} {said}"))
+            ax.add_patch(Circle(centre, radius, fill=False, color=colour, lw=1.3))
+            circles.append(
+                Line2D([], [], ls="none", marker="o", ms=9, mfc="none", mec=colour, label=f"{word} {said}")
+            )
     _target(ax, size_m)
     ax.autoscale_view()
     ax.set_title("Tracking accuracy" if title is None else title)
-    ax.legend(loc="best", fontsize="small")
+    ax.legend(handles=[*ax.get_legend_handles_labels()[0], *circles], loc="best", fontsize="small")
     return ax
 
 

@@ -238,14 +238,18 @@ impl PyFlux {
             let table = PyDict::new(py);
             table.set_item("row", whole(|bin, columns| bin / columns)?)?;
             table.set_item("column", whole(|bin, columns| bin % columns)?)?;
-            let numbers = |of: &dyn Fn(usize) -> f64| owned(py, (0..bins).map(of).collect(), &[bins]);
+            let numbers =
+                |of: &dyn Fn(usize) -> f64| owned(py, (0..bins).map(of).collect(), &[bins]);
             table.set_item("u_m", numbers(&self.uv_m(0))?)?;
             table.set_item("v_m", numbers(&self.uv_m(1))?)?;
             for (axis, name) in self.axes.into_iter().enumerate() {
                 table.set_item(name, numbers(&|bin| self.receiver.bin_centre_m(bin)[axis])?)?;
             }
             table.set_item("area_m2", numbers(&|bin| self.receiver.bin_area_m2(bin))?)?;
-            table.set_item("flux_w_m2", numbers(&|bin| self.map.irradiance_w_m2()[bin])?)?;
+            table.set_item(
+                "flux_w_m2",
+                numbers(&|bin| self.map.irradiance_w_m2()[bin])?,
+            )?;
             Ok(table)
         })
     }

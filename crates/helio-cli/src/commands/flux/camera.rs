@@ -19,11 +19,7 @@ use crate::printer::{Counted, Printer};
 /// Patches along each side of a view that is compared with another.
 const PATCHES: usize = 8;
 fn view(picture: &GrayPicture) -> Result<GrayView<'_, f64>, Failure> {
-    Ok(GrayView::new(
-        picture.rows,
-        picture.columns,
-        &picture.gray,
-    )?)
+    Ok(GrayView::new(picture.rows, picture.columns, &picture.gray)?)
 }
 
 pub(super) fn run(frame: &Path, args: &FluxArgs, printer: &Printer) -> Result<Outcome, Failure> {
@@ -76,8 +72,7 @@ pub(super) fn run(frame: &Path, args: &FluxArgs, printer: &Printer) -> Result<Ou
         Some(target) => {
             let size_px = [picture.rows, picture.columns];
             let seen = TargetFlux::of(target, size_px, &image.irradiance_w_m2);
-            let refuse =
-                |message| Failure::refused(format!("{}: {message}", frame.display()));
+            let refuse = |message| Failure::refused(format!("{}: {message}", frame.display()));
             Some(seen.map_err(refuse)?)
         }
         None => None,
@@ -256,7 +251,11 @@ fn write_map(
     }
 }
 
-fn plot<'a>(frame: &Path, seen: Option<&TargetFlux>, dni_w_m2: Option<f64>) -> Result<Plot<'a>, Failure> {
+fn plot<'a>(
+    frame: &Path,
+    seen: Option<&TargetFlux>,
+    dni_w_m2: Option<f64>,
+) -> Result<Plot<'a>, Failure> {
     let Some(seen) = seen else {
         // Refused before.
         return Err(Failure::refused("--plot: wanted --target"));
