@@ -101,7 +101,19 @@ def test_a_field_is_the_command_line_s_to_the_last_bit(
         asked = {"sun_azimuth_rad": np.radians(200.0), "sun_elevation_rad": np.radians(35.0)}
     tower = root / "examples" / "flux" / "tower.toml"
     summary = ["--summary", tmp_path / "found.json"]
-    run(command_line, "--field", root / "examples" / "field.toml", "--scene", tower, "--rays", 100_000, *typed, "--out", out, *summary)
+    run(
+        command_line,
+        "--field",
+        root / "examples" / "field.toml",
+        "--scene",
+        tower,
+        "--rays",
+        100_000,
+        *typed,
+        "--out",
+        out,
+        *summary,
+    )
     flux = hp.flux(field=example, scene=tower, rays=100_000, **asked)
     flux.write(tmp_path / "again.csv")
     assert (tmp_path / "again.csv").read_text() == out.read_text()
@@ -112,7 +124,19 @@ def test_a_field_is_the_command_line_s_to_the_last_bit(
     assert len(flux.status) == len(example)
     assert flux.slopes is None
     flux.write(tmp_path / "map.vtk")
-    run(command_line, "--field", root / "examples" / "field.toml", "--scene", tower, "--rays", 100_000, *typed, "--out", out.with_suffix(".vtk"), *summary)
+    run(
+        command_line,
+        "--field",
+        root / "examples" / "field.toml",
+        "--scene",
+        tower,
+        "--rays",
+        100_000,
+        *typed,
+        "--out",
+        out.with_suffix(".vtk"),
+        *summary,
+    )
     assert (tmp_path / "map.vtk").read_bytes() == out.with_suffix(".vtk").read_bytes()
 
 
@@ -162,7 +186,9 @@ def test_all_the_light_of_a_mirror_arrives_and_the_account_adds_up() -> None:
 def test_a_turned_mirror_turns_the_beam_by_twice_its_slope() -> None:
     slope = 0.01
     lift = [[0.0, 0.0, slope * x] for x, _, _ in SQUARE]
-    flux = hp.flux(mesh=np.array(SQUARE), elements=np.array([[0, 1, 2, 3]]), displacements=lift, scene=scene(), rays=50_000)
+    flux = hp.flux(
+        mesh=np.array(SQUARE), elements=np.array([[0, 1, 2, 3]]), displacements=lift, scene=scene(), rays=50_000
+    )
     assert flux.slopes is not None
     assert flux.slopes.total_rad == pytest.approx([np.arctan(slope)], rel=1e-9)
     assert flux.slopes.rms_rad == pytest.approx(np.arctan(slope), rel=1e-9)
@@ -202,8 +228,8 @@ def test_a_field_of_columns_is_lit_like_one_of_files(example: hp.Field, root: Pa
     names += ["axis_nonorthogonality_rad", "mirror_tilt_rad", "azimuth_reference_rad", "elevation_reference_rad"]
     columns = hp.Field(**{name: getattr(example, name) for name in names})
     asked: dict[str, Any] = {"scene": root / "examples" / "flux" / "tower.toml", "rays": 30_000}
-    sun = {"sun_azimuth_rad": 3.0, "sun_elevation_rad": 0.9}
-    one, other = hp.flux(field=example, **sun, **asked), hp.flux(field=columns, **sun, **asked)
+    asked |= {"sun_azimuth_rad": 3.0, "sun_elevation_rad": 0.9}
+    one, other = hp.flux(field=example, **asked), hp.flux(field=columns, **asked)
     assert one.flux_w_m2.tobytes() == other.flux_w_m2.tobytes()
 
 
@@ -219,13 +245,21 @@ REFUSED: list[tuple[dict[str, Any], type[Exception], str]] = [
     ({"mesh": SQUARE, "scene": scene()}, hp.OptionError, "elements"),
     ({"mesh": SQUARE, "elements": [[0, 1, 2, 3]]}, hp.DataTypeError, "scene"),
     ({"mesh": SQUARE, "elements": [[0, 1, 2, 3]], "scene": 3}, hp.DataTypeError, "scene"),
-    ({"mesh": SQUARE, "elements": [[0, 1, 2, 3]], "scene": scene(), "time": "x"}, hp.OptionError, "time: it is of field"),
+    (
+        {"mesh": SQUARE, "elements": [[0, 1, 2, 3]], "scene": scene(), "time": "x"},
+        hp.OptionError,
+        "time: it is of field",
+    ),
     ({"mesh": SQUARE, "elements": [[0, 1, 2, 3]], "scene": scene(), "typo": 1}, TypeError, "typo"),
     ({"mesh": SQUARE, "elements": [[0, 1]], "scene": scene()}, hp.ShapeError, "elements"),
     ({"mesh": SQUARE, "elements": [[0.0, 1.0, 2.0]], "scene": scene()}, hp.DataTypeError, "elements"),
     ({"mesh": SQUARE, "elements": [[0, 1, -2, 3]], "scene": scene()}, hp.OptionError, "row 0"),
     ({"mesh": [[0, 0]], "elements": [[0, 1, 2]], "scene": scene()}, hp.ShapeError, "mesh"),
-    ({"mesh": SQUARE, "elements": [[0, 1, 2, 3]], "scene": scene(), "displacements": [[0, 0, 0]]}, hp.ShapeError, "displ"),
+    (
+        {"mesh": SQUARE, "elements": [[0, 1, 2, 3]], "scene": scene(), "displacements": [[0, 0, 0]]},
+        hp.ShapeError,
+        "displ",
+    ),
     ({"mesh": SQUARE, "elements": [[0, 1, 2, 9]], "scene": scene()}, hp.MeshError, "element"),
     ({"mesh": SQUARE, "elements": [[0, 1, 2, 3]], "scene": scene(), "method": "pose"}, hp.OptionError, "displacements"),
     ({"mesh": SQUARE, "elements": [[0, 1, 2, 3]], "scene": scene(), "method": "none"}, hp.OptionError, "method"),
@@ -259,7 +293,7 @@ def test_what_is_wrong_in_a_mapping_is_named_by_its_key() -> None:
         hp.flux(mesh=SQUARE, elements=[[0, 1, 2, 3]], scene=wrong)
     wrong = scene()
     wrong["receiver"]["width_m"] = object()
-    with pytest.raises(hp.DataTypeError, match="receiver.width_m"):
+    with pytest.raises(hp.DataTypeError, match=r"receiver\.width_m"):
         hp.flux(mesh=SQUARE, elements=[[0, 1, 2, 3]], scene=wrong)
     target = scene(mirror={"width_m": 2.0, "height_m": 2.0})
     target["receiver"] = {"shape": "target", "target": "north"}
@@ -317,7 +351,9 @@ def test_the_interpreter_is_free_meanwhile() -> None:
     thread = threading.Thread(target=count)
     thread.start()
     seen: list[int] = []
-    hp.flux(mesh=SQUARE, elements=[[0, 1, 2, 3]], scene=scene(), rays=20_000_000, progress=lambda *_: seen.append(counted))
+    hp.flux(
+        mesh=SQUARE, elements=[[0, 1, 2, 3]], scene=scene(), rays=20_000_000, progress=lambda *_: seen.append(counted)
+    )
     stop.set()
     thread.join()
     assert counted > 3

@@ -143,8 +143,8 @@ def test_utis_centroids_are_others(juelich: Path, converted: hp.Paint, tmp_path:
     assert helios.heliostats == utis.heliostats == ["AA39"]
     as_mapping = [row for row in rows(converted.observations_csv) if row["heliostat_id"] == "AA39"]
     assert sorted(map(str, rows(helios.observations_csv))) == sorted(map(str, as_mapping))
-    up = [[float(row["spot_up_m"]) for row in rows(one.observations_csv)] for one in (helios, utis)]
-    assert 0 < np.max(np.abs(np.subtract(*up))) < 0.3
+    up = np.array([[float(row["spot_up_m"]) for row in rows(one.observations_csv)] for one in (helios, utis)])
+    assert 0 < np.max(np.abs(up[0] - up[1])) < 0.3
 
 
 TOWER = {
@@ -240,7 +240,12 @@ def test_records_that_say_too_little_are_left_aside(change: dict[str, Any], reas
         ("record", {"sun_elevation": "high"}, hp.FileValueError, "sun_elevation"),
         ("heliostat", {"heliostat_position": [1.0]}, hp.FileValueError, "heliostat_position"),
         ("heliostat", {"kinematics_properties": {}}, hp.MissingError, "concentrator_translation_n"),
-        ("heliostat", {"kinematics_properties": {"joint_translation_n_1": 0.1}}, hp.ConflictError, "joint_translation_n_1"),
+        (
+            "heliostat",
+            {"kinematics_properties": {"joint_translation_n_1": 0.1}},
+            hp.ConflictError,
+            "joint_translation_n_1",
+        ),
         ("tower", {"north": {"type": "cylinder"}}, hp.MissingError, "planar"),
         ("tower", {"power_plant_properties": {}}, hp.MissingError, "coordinates"),
     ],

@@ -42,7 +42,7 @@ def texts(ax: Axes) -> str:
 def drawn(ax: Axes) -> Axes:
     """Drawn for real; matplotlib is lazy."""
     assert ax.figure is not None
-    ax.figure.canvas.draw()  # type: ignore[union-attr]
+    ax.figure.canvas.draw()
     return ax
 
 
@@ -66,7 +66,8 @@ def test_field_map_colours_by_a_column(example: hp.Field) -> None:
     assert "500 heliostats" in texts(ax)
     assert ax.get_aspect() == 1.0
     ax = drawn(plot.field_map(example, "pedestal_tilt_rad"))
-    np.testing.assert_allclose(ax.collections[0].get_array(), 1e3 * example.pedestal_tilt_rad)
+    tilts: Any = ax.collections[0].get_array()
+    np.testing.assert_allclose(tilts, 1e3 * example.pedestal_tilt_rad)
     assert ax.figure.axes[1].get_ylabel() == "pedestal tilt (mrad)"
 
 
@@ -135,7 +136,9 @@ def test_calibration_residuals_over_numbers_times_and_records() -> None:
 
 def test_spot_overlay_marks_what_was_found() -> None:
     image = np.zeros((40, 60), dtype=np.uint8)
-    ax = drawn(plot.spot_overlay(image, [10.0, np.nan], [20.0, np.nan], corners_px=[[5, 5], [50, 5], [50, 35], [5, 35]]))
+    ax = drawn(
+        plot.spot_overlay(image, [10.0, np.nan], [20.0, np.nan], corners_px=[[5, 5], [50, 5], [50, 35], [5, 35]])
+    )
     assert "1 spot" in texts(ax)
     np.testing.assert_array_equal(ax.lines[0].get_xydata(), [[10.0, 20.0]])
     assert ax.yaxis_inverted()

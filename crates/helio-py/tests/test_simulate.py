@@ -34,7 +34,20 @@ CAMPAIGNS: list[tuple[list[str], dict[str, Any]]] = [
     ([], {}),
     (["--count", "7", "--seed", "42", "--random-errors"], {"count": 7, "seed": 42, "random_errors": True}),
     (
-        ["--ids", "H001,H040", "--count", "30", "--outliers", "0.1", "--wrong-heliostat", "0.1", "--days", "3", "--hours", "9-15"],
+        [
+            "--ids",
+            "H001,H040",
+            "--count",
+            "30",
+            "--outliers",
+            "0.1",
+            "--wrong-heliostat",
+            "0.1",
+            "--days",
+            "3",
+            "--hours",
+            "9-15",
+        ],
         {"ids": ["H001", "H040"], "count": 30, "outliers": 0.1, "wrong_heliostat": 0.1, "days": 3, "hours": (9, 15)},
     ),
     (
@@ -98,7 +111,9 @@ def test_the_truth_explains_what_was_seen(example: hp.Field, root: Path) -> None
         mirror = mount.position_enu_m[0] + mount.mirror_offset_m[0] * normals[k]
         to_plane = np.array(targets[name]["centre_enu_m"]) - mirror
         from_centre = beam * (to_plane @ facing) / (beam @ facing) - to_plane
-        np.testing.assert_allclose([from_centre @ right, from_centre @ down], [table["u_m"][k], table["v_m"][k]], atol=1e-9)
+        np.testing.assert_allclose(
+            [from_centre @ right, from_centre @ down], [table["u_m"][k], table["v_m"][k]], atol=1e-9
+        )
 
 
 @pytest.mark.parametrize(

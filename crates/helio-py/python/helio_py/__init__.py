@@ -17,6 +17,7 @@ Every failure is a ``HelioError``; a row that cannot be computed is none, it has
 
 import warnings as _warnings
 
+# Flux.
 from helio_py._errors import (
     AngleError,
     BusyError,
@@ -32,8 +33,11 @@ from helio_py._errors import (
     FileSyntaxError,
     FileUnreadableError,
     FileValueError,
+    FluxError,
     HelioError,
+    ImageError,
     InternalError,
+    MeshError,
     MissingError,
     NoSuchRowError,
     OptionError,
@@ -45,20 +49,16 @@ from helio_py._errors import (
     TrackError,
     UnknownNameError,
 )
-from helio_py._native import Drive, Field, Tracking, __version__, _optimised, forward, sun_position, track
-from helio_py._status import Status, status_words
-from helio_py._sun import SunPosition
-
-# Flux.
-from helio_py._errors import FluxError, ImageError, MeshError
 from helio_py._flux import CameraFlux, FluxAccount, SlopeErrors, TargetMap, flux
-from helio_py._native import Flux
+from helio_py._native import Drive, Field, Flux, Tracking, __version__, _optimised, forward, sun_position, track
 
 # Records of others.
 from helio_py._paint import Paint, convert_paint
 
 # Simulation.
 from helio_py._simulate import SimulatedObservations, simulate_field, simulate_observations
+from helio_py._status import Status, status_words
+from helio_py._sun import SunPosition
 
 if not _optimised:
     _warnings.warn("helio_py was built without optimisation: it is right, and slow", RuntimeWarning, stacklevel=2)
@@ -101,6 +101,16 @@ __all__ = [
     "sun_position",
     "track",
 ]
-__all__ += ["CameraFlux", "Flux", "FluxAccount", "FluxError", "ImageError", "MeshError", "SlopeErrors", "TargetMap", "flux"]
+__all__ += [
+    "CameraFlux",
+    "Flux",
+    "FluxAccount",
+    "FluxError",
+    "ImageError",
+    "MeshError",
+    "SlopeErrors",
+    "TargetMap",
+    "flux",
+]
 __all__ += ["Paint", "convert_paint"]
 __all__ += ["SimulatedObservations", "simulate_field", "simulate_observations"]

@@ -371,9 +371,9 @@ def _corners(elements: Any) -> list[list[int]]:
     for row, nodes in enumerate(array.tolist()):
         kept = nodes[:3] if len(nodes) == 4 and nodes[3] == -1 else nodes
         if min(kept) < 0:
-            error = OptionError(f"elements: row {row}: nodes are counted from 0, got {nodes}")
-            error.field, error.row = "elements", row
-            raise error
+            below = OptionError(f"elements: row {row}: nodes are counted from 0, got {nodes}")
+            below.field, below.row = "elements", row
+            raise below
         corners.append(kept)
     return corners
 
@@ -409,9 +409,10 @@ def _of_field(
         angles = [sun.azimuth_rad, sun.elevation_rad]
     numbers = []
     for name, angle in zip(("sun_azimuth_rad", "sun_elevation_rad"), angles, strict=True):
-        if np.ndim(angle) or np.asarray(angle).dtype.kind not in "fiu":
+        number: NDArray[Any] = np.asarray(angle)
+        if number.ndim or number.dtype.kind not in "fiu":
             raise _type(name, f"expected one number, got {type(angle).__name__}")
-        numbers.append(float(np.asarray(angle)))
+        numbers.append(float(number))
     return _flux_field(field, scene, numbers[0], numbers[1], None if at is None else int(at), report)
 
 

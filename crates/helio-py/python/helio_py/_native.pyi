@@ -225,6 +225,7 @@ def _flux_camera(
     dark: float,
     target: str | PathLike[str] | None,
 ) -> Any: ...
+
 @final
 class Flux:
     @property
@@ -270,6 +271,7 @@ def _simulate_field(
 def _simulate_observations(
     field: Field, asked: dict[str, Any], progress: Callable[[int, int], Any] | None
 ) -> _Campaign: ...
+
 @final
 class _Campaign:
     def observations(self) -> dict[str, Any]: ...

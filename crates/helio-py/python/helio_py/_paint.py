@@ -18,7 +18,14 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from helio_py._errors import ConflictError, FileSyntaxError, FileUnreadableError, FileValueError, MissingError, OptionError
+from helio_py._errors import (
+    ConflictError,
+    FileSyntaxError,
+    FileUnreadableError,
+    FileValueError,
+    MissingError,
+    OptionError,
+)
 
 FilePath: TypeAlias = str | os.PathLike[str]
 
@@ -132,7 +139,13 @@ def convert_paint(
     if left_aside:
         warnings.append(f"{len(left_aside)} records left aside, first {left_aside[0][0].name}: {left_aside[0][1]}")
     return Paint(
-        field_toml, folder / "observations.csv", list(properties), len(rows), off, left_aside=left_aside, warnings=warnings
+        field_toml,
+        folder / "observations.csv",
+        list(properties),
+        len(rows),
+        off,
+        left_aside=left_aside,
+        warnings=warnings,
     )
 
 
@@ -340,22 +353,24 @@ def _heliostat(name: str, path: Path, origin: _Origin) -> tuple[list[Any], list[
     kinematics = _get(path, found, "kinematics_properties")
     for key in _JOINTS:
         if _numbers(path, key, kinematics.get(key, 0.0), None) != [0.0]:
-            failure = ConflictError(f"{path}: {key} is {kinematics[key]} m; here axes cross and mirrors stand on their normal")
+            failure = ConflictError(
+                f"{path}: {key} is {kinematics[key]} m; here axes cross and mirrors stand on their normal"
+            )
             failure.path, failure.field, failure.id = path, key, name
             raise failure
     # The mirror looks north at rest in PAINT's frame, so that its normal is the second component.
     offset = _numbers(path, "concentrator_translation_n", _get(path, kinematics, "concentrator_translation_n"), None)
     actuators = _get(path, kinematics, "actuators")
     if not isinstance(actuators, list) or len(actuators) != 2:
-        failure = FileValueError(f"{path}: kinematics_properties.actuators: wanted two, got {actuators!r}")
-        failure.path, failure.field, failure.id = path, "kinematics_properties.actuators", name
-        raise failure
+        two = FileValueError(f"{path}: kinematics_properties.actuators: wanted two, got {actuators!r}")
+        two.path, two.field, two.id = path, "kinematics_properties.actuators", name
+        raise two
     drives: list[list[Any]] = []
     for axis, actuator in enumerate(actuators, start=1):
         if _get(path, actuator, "type_axis") != "linear":
-            failure = FileValueError(f"{path}: actuator {axis}: wanted type_axis linear, got {actuator['type_axis']!r}")
-            failure.path, failure.field, failure.id = path, "type_axis", name
-            raise failure
+            kind = FileValueError(f"{path}: actuator {axis}: wanted type_axis linear, got {actuator['type_axis']!r}")
+            kind.path, kind.field, kind.id = path, "type_axis", name
+            raise kind
         numbers = [_numbers(path, key, _get(path, actuator, key), None)[0] for key in _ACTUATOR]
         numbers[0] = int(numbers[0])
         drives.append([name, axis, "triangle", -1 if axis == 1 else 1, *numbers])
@@ -392,7 +407,10 @@ def _row(name: str, path: Path, record: dict[str, Any], target: str, spot: NDArr
     elevation = _numbers(path, "sun_elevation", record["sun_elevation"], None)[0]
     motors = _get(path, record, "motor_position")
     steps = []
-    for key, early in (("axis_1_motor_position", "Axis1MotorPosition"), ("axis_2_motor_position", "Axis2MotorPosition")):
+    for key, early in (
+        ("axis_1_motor_position", "Axis1MotorPosition"),
+        ("axis_2_motor_position", "Axis2MotorPosition"),
+    ):
         # Early records have the names of the plant's data base.
         name_there = early if isinstance(motors, dict) and early in motors else key
         steps += _numbers(path, name_there, _get(path, record, "motor_position", name_there), None)

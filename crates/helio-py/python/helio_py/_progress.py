@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -12,13 +13,14 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def reporter(progress: Callable[[int, int], Any] | bool | None, what: str) -> Iterator[Callable[[int, int], Any] | None]:
+def reporter(
+    progress: Callable[[int, int], Any] | bool | None, what: str
+) -> Iterator[Callable[[int, int], Any] | None]:
     """A callable of (done, all), or None: what was given, or for True a bar of tqdm that counts ``what``."""
     if progress is None or progress is False:
         yield None
     elif progress is True:
-        from tqdm.auto import tqdm
-
+        tqdm = importlib.import_module("tqdm.auto").tqdm  # only where it is asked for
         with tqdm(unit=what, unit_scale=True) as bar:
 
             def report(done: int, all_: int) -> None:

@@ -210,14 +210,22 @@ def day_angles(
         name = str(row) if ids is None else ids[row]
         ax.plot(*_broken(moments, columns[0][:, row]), color=f"C{k % 10}", label=name)
         ax.plot(moments, columns[1][:, row], color=f"C{k % 10}", linestyle="--")
-    handles = [Line2D([], [], color="black", label="axis 1"), Line2D([], [], color="black", ls="--", label="axis 2")]
+    handles: list[Any] = [
+        Line2D([], [], color="black", label="axis 1"),
+        Line2D([], [], color="black", ls="--", label="axis 2"),
+    ]
     handles += ax.get_legend_handles_labels()[0]
     ax.legend(handles=handles, loc="best", fontsize="small", ncols=2)
-    ax.xaxis.set_major_formatter(mdates.ConciseDateFormatter(ax.xaxis.get_major_locator()))
+    _dated(ax)
     day = f", {np.datetime_as_string(moments[0], unit='D')}" if len(moments) else ""
     ax.set(xlabel="time (UTC)", ylabel="axis angle (°)", title=f"Axis angles{day}" if title is None else title)
     ax.grid(alpha=0.3)
     return ax
+
+
+def _dated(ax: Axes) -> None:
+    formatter: Any = mdates.ConciseDateFormatter
+    ax.xaxis.set_major_formatter(formatter(ax.xaxis.get_major_locator()))
 
 
 def _broken(moments: NDArray[Any], degrees: NDArray[np.float64]) -> tuple[NDArray[Any], NDArray[np.float64]]:
@@ -285,10 +293,8 @@ def calibration_arrows(
         if not rows.any():
             continue
         ax.plot(u[rows], v[rows], ".", color=colour, ms=4, label=f"{word} ({np.count_nonzero(rows)})")
-        ax.quiver(
-            *(u[rows], v[rows], enlarged * du[rows], enlarged * dv[rows]),
-            **{"color": colour, "angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.003},
-        )
+        arrows = (u[rows], v[rows], enlarged * du[rows], enlarged * dv[rows])
+        ax.quiver(*arrows, color=colour, angles="xy", scale_units="xy", scale=1.0, width=0.003)
     _target(ax, size_m)
     if len(u):
         # Arrows count too for what is in the picture.
@@ -347,10 +353,12 @@ def calibration_residuals(
     rms = float(np.sqrt(np.nanmean(residual[~out] ** 2))) if (~out).any() else np.nan
     ax.axhline(rms, color="black", lw=1.0, ls="--", label=f"rms {rms:.2f} mrad")
     if timed:
-        ax.xaxis.set_major_formatter(mdates.ConciseDateFormatter(ax.xaxis.get_major_locator()))
+        _dated(ax)
     ax.set_ylim(bottom=0.0)
     default = "time (UTC)" if timed else ("record" if against is None else "")
-    ax.set(xlabel=xlabel or default, ylabel="residual of the beam (mrad)", title="Residuals" if title is None else title)
+    ax.set(
+        xlabel=xlabel or default, ylabel="residual of the beam (mrad)", title="Residuals" if title is None else title
+    )
     ax.legend(loc="best", fontsize="small")
     ax.grid(alpha=0.3)
     return ax
@@ -428,10 +436,8 @@ def spot_overlay(
             ax.add_patch(Ellipse((at, down), 4 * size, 4 * size, fill=False, color="#FF3B30", lw=1.0))
     for word, at, down in zip(labels or (), column, row, strict=False):
         if np.isfinite(at) and np.isfinite(down):
-            ax.annotate(
-                *(word, (at, down)),
-                **{"textcoords": "offset points", "xytext": (8, 8), "color": "#FF3B30", "fontsize": "small"},
-            )
+            style: dict[str, Any] = {"color": "#FF3B30", "fontsize": "small"}
+            ax.annotate(word, (at, down), textcoords="offset points", xytext=(8, 8), **style)
     count = int(np.count_nonzero(found))
     words = f"{count} spot" + ("s" if count != 1 else "")
     ax.set(xlabel="column (px)", ylabel="row (px)", title=words if title is None else title)
@@ -486,9 +492,7 @@ def accuracy(
             radius = float(np.sqrt(np.mean((u - centre[0]) ** 2 + (v - centre[1]) ** 2)))
             said = f"{1e3 * radius:.1f} mm" if slant_m is None else f"{1e3 * radius / slant_m:.2f} mrad"
             ax.add_patch(Circle(centre, radius, fill=False, color=colour, lw=1.3))
-            circles.append(
-                Line2D([], [], ls="none", marker="o", ms=9, mfc="none", mec=colour, label=f"{word} {said}")
-            )
+            circles.append(Line2D([], [], ls="none", marker="o", ms=9, mfc="none", mec=colour, label=f"{word} {said}"))
     _target(ax, size_m)
     ax.autoscale_view()
     ax.set_title("Tracking accuracy" if title is None else title)
@@ -537,7 +541,7 @@ def flux_map(
         raise ShapeError(f"flux: expected shape (rows, columns), got {values.shape}")
     ax = _axes(ax)
     if u_m is None or v_m is None:
-        drawn = ax.imshow(values / 1e3, cmap=cmap, interpolation="nearest", vmin=0.0)
+        drawn: Any = ax.imshow(values / 1e3, cmap=cmap, interpolation="nearest", vmin=0.0)
         ax.set(xlabel="column (px)", ylabel="row (px)")
     else:
         u, v = np.asarray(u_m, dtype=np.float64), np.asarray(v_m, dtype=np.float64)
@@ -549,10 +553,7 @@ def flux_map(
         _target(ax, None)
         ax.set_aspect("equal", adjustable="box")
     ax.figure.colorbar(drawn, ax=ax, label="irradiance (kW/m²)")
-    if np.isfinite(values).any():
-        words = f"Flux, peak {np.nanmax(values) / 1e3:.3g} kW/m²"
-    else:
-        words = "Flux"
+    words = f"Flux, peak {np.nanmax(values) / 1e3:.3g} kW/m²" if np.isfinite(values).any() else "Flux"
     ax.set_title(words if title is None else title)
     return ax
 
