@@ -19,7 +19,7 @@ from helio_py._times import unix_ns
 FilePath: TypeAlias = str | os.PathLike[str]
 Progress: TypeAlias = Callable[[int, int], Any] | bool | None
 SceneLike: TypeAlias = FilePath | Mapping[str, Mapping[str, Any]]
-Method: TypeAlias = Literal["elements", "pose", "rigid", "unloaded"]
+_Method: TypeAlias = Literal["elements", "pose", "rigid", "unloaded"]
 
 
 class FluxAccount(NamedTuple):
@@ -142,7 +142,7 @@ def flux(
     displacements: FilePath | ArrayLike | None = None,
     step: int | None = None,
     vectors: str | None = None,
-    method: Method = "elements",
+    method: _Method = "elements",
     unit: str | None = None,
     surface: str | None = None,
     element_set: str | None = None,
