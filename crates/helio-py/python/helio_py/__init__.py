@@ -16,8 +16,8 @@ Every failure is a ``HelioError``; a row that cannot be computed is none, it has
 """
 
 import warnings as _warnings
+from typing import TYPE_CHECKING as _TYPE_CHECKING
 
-# Flux.
 from helio_py._errors import (
     AngleError,
     BusyError,
@@ -52,13 +52,22 @@ from helio_py._errors import (
 from helio_py._flux import CameraFlux, FluxAccount, SlopeErrors, TargetMap, flux
 from helio_py._native import Drive, Field, Flux, Tracking, __version__, _optimised, forward, sun_position, track
 
-# Records of others.
-from helio_py._paint import Paint, convert_paint
-
-# Simulation.
 from helio_py._simulate import SimulatedObservations, simulate_field, simulate_observations
 from helio_py._status import Status, status_words
 from helio_py._sun import SunPosition
+
+# Records of others: read by modules that nothing else needs, imported where they are first asked for.
+if _TYPE_CHECKING:
+    from helio_py._paint import Paint, convert_paint
+
+
+def __getattr__(name: str) -> object:
+    if name in ("Paint", "convert_paint"):
+        from helio_py import _paint
+
+        return getattr(_paint, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
 
 if not _optimised:
     _warnings.warn("helio_py was built without optimisation: it is right, and slow", RuntimeWarning, stacklevel=2)

@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, TypeAlias, overload
+from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from helio_py._errors import DataTypeError, OptionError, ShapeError
 from helio_py._native import Field, Flux, _flux_camera, _flux_field, _flux_mesh
 from helio_py._progress import reporter
 from helio_py._scene import scene_asked
-from helio_py._times import unix_ns
 
-FilePath: TypeAlias = str | os.PathLike[str]
-Progress: TypeAlias = Callable[[int, int], Any] | bool | None
-SceneLike: TypeAlias = FilePath | Mapping[str, Mapping[str, Any]]
-_Method: TypeAlias = Literal["elements", "pose", "rigid", "unloaded"]
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+    from typing import Literal, TypeAlias
+
+    from numpy.typing import ArrayLike, NDArray
+
+    _FilePath: TypeAlias = str | os.PathLike[str]
+    _Progress: TypeAlias = Callable[[int, int], Any] | bool | None
+    _SceneLike: TypeAlias = _FilePath | Mapping[str, Mapping[str, Any]]
+    _Method: TypeAlias = Literal["elements", "pose", "rigid", "unloaded"]
 
 
 class FluxAccount(NamedTuple):
@@ -84,8 +86,7 @@ class SlopeErrors(NamedTuple):
     rms_second_rad: float
 
 
-@dataclass(frozen=True, eq=False)
-class TargetMap:
+class TargetMap(NamedTuple):
     """The flux on a target as a picture shows it, in bins of the target; NaN where it is not seen.
 
     Rows run down from the target's upper edge, columns right from its left edge, as the camera sees it.
@@ -110,8 +111,7 @@ class TargetMap:
         return float(np.nanmax(self.flux_w_m2))
 
 
-@dataclass(frozen=True, eq=False)
-class CameraFlux:
+class CameraFlux(NamedTuple):
     """A picture in W/m²: what `flux` makes of a camera's frame and one reading of a gauge."""
 
     #: Irradiance of the pixels [W/m²], of the picture's shape, rows from the top.
@@ -136,10 +136,10 @@ class CameraFlux:
 @overload
 def flux(
     *,
-    mesh: FilePath | ArrayLike,
-    scene: SceneLike,
-    elements: FilePath | ArrayLike | None = None,
-    displacements: FilePath | ArrayLike | None = None,
+    mesh: _FilePath | ArrayLike,
+    scene: _SceneLike,
+    elements: _FilePath | ArrayLike | None = None,
+    displacements: _FilePath | ArrayLike | None = None,
     step: int | None = None,
     vectors: str | None = None,
     method: _Method = "elements",
@@ -150,13 +150,13 @@ def flux(
     half_angle_mrad: float | None = None,
     rays: int | None = None,
     seed: int | None = None,
-    progress: Progress = None,
+    progress: _Progress = None,
 ) -> Flux: ...
 @overload
 def flux(
     *,
     field: Field,
-    scene: SceneLike,
+    scene: _SceneLike,
     time: Any | None = None,
     sun_azimuth_rad: float | None = None,
     sun_elevation_rad: float | None = None,
@@ -164,16 +164,16 @@ def flux(
     half_angle_mrad: float | None = None,
     rays: int | None = None,
     seed: int | None = None,
-    progress: Progress = None,
+    progress: _Progress = None,
 ) -> Flux: ...
 @overload
 def flux(
     *,
-    camera: FilePath | ArrayLike,
+    camera: _FilePath | ArrayLike,
     gauge: Sequence[float],
     dark: float = 0.0,
     white: float | None = None,
-    target: FilePath | None = None,
+    target: _FilePath | None = None,
 ) -> CameraFlux: ...
 def flux(
     *,
@@ -181,7 +181,7 @@ def flux(
     field: Any = None,
     camera: Any = None,
     scene: Any = None,
-    progress: Progress = None,
+    progress: _Progress = None,
     dni_w_m2: float | None = None,
     half_angle_mrad: float | None = None,
     rays: int | None = None,
@@ -400,6 +400,8 @@ def _of_field(
         raise _option("time", "wanted a time, or sun_azimuth_rad and sun_elevation_rad, and not both")
     at = None
     if time is not None:
+        from helio_py._times import unix_ns  # which imports more than a package should by itself
+
         at = unix_ns(time)
         if at.ndim:
             error = ShapeError(f"time: expected one instant, got an array of shape {at.shape}")

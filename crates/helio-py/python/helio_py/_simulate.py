@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,9 +9,11 @@ import numpy as np
 from helio_py._errors import DataTypeError, OptionError
 from helio_py._native import Field, _simulate_field, _simulate_observations
 from helio_py._progress import reporter
-from helio_py._times import unix_ns
 
 if TYPE_CHECKING:
+    import os
+    from collections.abc import Callable, Iterable, Sequence
+
     from numpy.typing import NDArray
 
     from helio_py._native import _Campaign
@@ -245,6 +245,8 @@ def _number(name: str, value: Any, least: float, most: float, unit: str) -> floa
 
 
 def _instant(name: str, time: Any) -> int:
+    from helio_py._times import unix_ns  # which imports more than a package should by itself
+
     at: NDArray[np.int64] = unix_ns(time)
     if at.ndim:
         raise _option(name, f"wanted one instant, got an array of shape {at.shape}")
