@@ -3,9 +3,9 @@
 //! The package's own documentation is in its doc strings, which begin here as the comments above each
 //! function and class, in the form that Python's readers know (numpydoc).
 //!
-//! One file per subject: `field`, `track`, `forward`, `sun`, `drive`; below them what they
+//! One file per subject: `field`, `track`, `forward`, `sun`, `drive`, `flux`, `simulate`; below them what they
 //! share: `array` (NumPy in and out), `failure` (errors), `pool` (threads, and forks), `guard`
-//! (panics), `slab` (memory of answers).
+//! (panics), `slab` (memory of answers), `watch` (progress and Ctrl-C of long work).
 
 #![allow(
     clippy::too_many_arguments,

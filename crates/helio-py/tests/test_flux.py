@@ -140,6 +140,31 @@ def test_a_field_is_the_command_line_s_to_the_last_bit(
     assert (tmp_path / "map.vtk").read_bytes() == out.with_suffix(".vtk").read_bytes()
 
 
+def test_a_calibration_of_the_hour_is_followed_as_by_the_command_line(command_line: str, tmp_path: Path) -> None:
+    (tmp_path / "layout.csv").write_text("id,east_m,north_m,up_m\nA,10,80,4\nB,-30,90,4\n")
+    (tmp_path / "calibration.csv").write_text(
+        "id,set,pedestal_tilt_deg,pedestal_tilt_azimuth_deg,azimuth_reference_deg,valid_from,valid_to,"
+        "hour_angle_from_deg,hour_angle_to_deg\nA,am,0.5,20,1,,,-180,0\nA,pm,0.1,200,-1,,,0,180\n"
+        "B,old,0.2,0,3,2026-01-01T00:00:00Z,2026-06-21T12:00:00Z,,\n"
+    )
+    (tmp_path / "field.toml").write_text(
+        "[site]\nlatitude_deg = 37.4\nlongitude_deg = -6.25\n[targets.receiver]\ncentre_enu_m = [0, 0, 60]\n"
+        "normal_enu = [0, 1, 0]\nwidth_m = 8\nheight_m = 8\n"
+        '[heliostats]\ntable = "layout.csv"\naim = "receiver"\nmirror_offset_m = 0.2\ncalibration = "calibration.csv"\n'
+    )
+    scene_toml = tmp_path / "scene.toml"
+    scene_toml.write_text('[mirror]\nwidth_m = 3\nheight_m = 2\n[receiver]\nshape = "target"\ntarget = "receiver"\n')
+    field = hp.Field.from_toml(tmp_path / "field.toml")
+    for time_text in ("2026-06-21T08:00:00Z", "2026-06-21T17:00:00Z"):
+        out = tmp_path / "map.csv"
+        typed = ["--field", tmp_path / "field.toml", "--scene", scene_toml, "--rays", 50_000, "--time", time_text]
+        run(command_line, *typed, "--out", out, "--summary", tmp_path / "found.json")
+        flux = hp.flux(field=field, scene=scene_toml, rays=50_000, time=time_text)
+        flux.write(tmp_path / "again.csv")
+        assert (tmp_path / "again.csv").read_text() == out.read_text()
+        assert flux.account.received_w > 0
+
+
 def test_a_picture_with_a_gauge_is_the_command_line_s(command_line: str, tmp_path: Path) -> None:
     rows, columns = np.mgrid[0:90, 0:120]
     beam = 20 + 200 * np.exp(-((columns - 61.3) ** 2 + (rows - 40.2) ** 2) / 300)

@@ -43,7 +43,7 @@ impl Mesh {
         };
         let mut builder = Builder::default();
         for (row, &at_m) in position_m.iter().enumerate() {
-            if let Some(bad) = at_m.iter().find(|m| !(m.abs() <= MOST_M)) {
+            if let Some(bad) = at_m.iter().find(|m| m.is_nan() || m.abs() > MOST_M) {
                 let what = format!("node {row} (counted from 0)");
                 return Err(wrong(what, "within 1e12 m", bad.to_string()));
             }
