@@ -148,7 +148,7 @@ def test_a_calibration_of_the_hour_is_followed_as_by_the_command_line(command_li
         "B,old,0.2,0,3,2026-01-01T00:00:00Z,2026-06-21T12:00:00Z,,\n"
     )
     (tmp_path / "field.toml").write_text(
-        "[site]\nlatitude_deg = 37.4\nlongitude_deg = -6.25\n[targets.receiver]\ncentre_enu_m = [0, 0, 60]\n"
+        "[site]\nlatitude_deg = 37.4\nlongitude_deg = -6.25\nelevation_m = 20\n[targets.receiver]\ncentre_enu_m = [0, 0, 60]\n"
         "normal_enu = [0, 1, 0]\nwidth_m = 8\nheight_m = 8\n"
         '[heliostats]\ntable = "layout.csv"\naim = "receiver"\nmirror_offset_m = 0.2\ncalibration = "calibration.csv"\n'
     )
