@@ -56,6 +56,7 @@ fn main() -> Result<(), String> {
         let fine = ConvolveOptions {
             points: 16,
             threads,
+            ..ConvolveOptions::default()
         };
         let wanted = convolve(&scene(same), &fine).map_err(text)?;
         let say = |way: &str, count: u64, call: &dyn Fn() -> Result<FluxMap, FluxError>| {
@@ -98,7 +99,11 @@ fn main() -> Result<(), String> {
             _ => 0,
         };
         for points in [1, 2, 4, 8].into_iter().filter(|&p| p <= most_points) {
-            let options = ConvolveOptions { points, threads };
+            let options = ConvolveOptions {
+                points,
+                threads,
+                ..ConvolveOptions::default()
+            };
             let call = || convolve(&scene(elements), &options);
             say("convolution", points as u64, &call)?;
         }

@@ -102,7 +102,15 @@ fn main() -> Result<(), String> {
             continue;
         }
         let start = Instant::now();
-        let integral = convolve(&scene, &ConvolveOptions { points, threads }).map_err(text)?;
+        let integral = convolve(
+            &scene,
+            &ConvolveOptions {
+                points,
+                threads,
+                ..ConvolveOptions::default()
+            },
+        )
+        .map_err(text)?;
         let seconds = start.elapsed().as_secs_f64();
         let others = mean(&scene, |seed| ray_options(rays, seed, false))?;
         println!(

@@ -67,12 +67,13 @@ fn main() -> Result<(), String> {
         bins.map(|(bin, flux)| flux * made.receiver.bin_area_m2(bin))
             .collect()
     };
-    // The integral knows neither shade nor slopes.
+    // The integral knows no shade.
     let exact = (name == "plate")
         .then(|| {
             let options = ConvolveOptions {
                 points: 16,
                 threads,
+                ..ConvolveOptions::default()
             };
             convolve(&scene, &options).map(|map| power(map.irradiance_w_m2()))
         })

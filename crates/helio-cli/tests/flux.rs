@@ -696,3 +696,80 @@ fn what_cannot_be_done_is_refused_with_its_reason() {
         assert!(!folder.path().join(name).exists(), "{name}");
     }
 }
+
+// Two mirrors before one bin as wide as their image is long: what the bins hold is what is reflected, by any number of points;
+// slopes far from normal incidence are told without a warning.
+#[test]
+fn a_convolution_keeps_its_power() {
+    let folder = Folder::empty();
+    let nodes = "id,x_m,y_m,z_m\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,2,0,0\n6,2,1,0\n";
+    folder.write("nodes.csv", nodes);
+    folder.write("elements.csv", "id,n1,n2,n3,n4\n1,1,2,3,4\n2,2,5,6,3\n");
+    for (points, bins) in [(1, 1), (2, 3), (5, 4)] {
+        for sun in ["[0, 0, 1]", "[0.9, 0, 0.5]"] {
+            let up = if sun == "[0, 0, 1]" {
+                "[1, 0.5, 10]"
+            } else {
+                "[-17, 0.5, 10]"
+            };
+            let scene = format!(
+                "[sun]\ntoward = {sun}\n[mirror]\nslope_error_mrad = 1.5\n[receiver]\nshape = \"plane\"\ncentre_m = {up}\n\
+                 facing = [0, 0, -1]\nwidth_m = 40\nheight_m = 40\nrows = {bins}\ncolumns = {bins}\n[rays]\n\
+                 method = \"convolve\"\npoints = {points}\n"
+            );
+            folder.write("plate.toml", scene);
+            let run = folder.run(PLATE);
+            let found = json(&run.good());
+            close(
+                at(&found, "/power/received_w"),
+                at(&found, "/power/incoming_w"),
+                1e-6,
+            );
+            assert!(at(&found, "/power/spilled_w") >= 0.0);
+            assert!(!run.stderr().contains("warning"), "{}", run.stderr());
+            assert!(at(&found, "/scene/rays/peak_standard_error") < 0.05);
+        }
+    }
+}
+
+// `auto` takes a convolution for sixteen faces, says why and what is left as error, and so do rays when they are taken.
+#[test]
+fn a_method_by_an_error_is_taken_and_told() {
+    let folder = Folder::empty();
+    folded_plate(&folder);
+    let scene = folder.read("plate.toml");
+    let auto = scene.replace("count = 20000000", "method = \"auto\"\nerror = 0.002");
+    folder.write("plate.toml", auto);
+    let run = folder.run(PLATE);
+    let found = json(&run.good());
+    let rays = &found["scene"]["rays"];
+    assert_eq!(rays["method"], "convolve");
+    assert_eq!(rays["chosen_for_error"], 0.002);
+    assert!(
+        rays["chosen_because"]
+            .as_str()
+            .unwrap()
+            .starts_with("rays would take about")
+    );
+    assert!(at(&found, "/scene/rays/peak_standard_error") <= 0.002);
+    assert!(
+        run.stderr()
+            .contains("by convolution: rays would take about"),
+        "{}",
+        run.stderr()
+    );
+    close(at(&found, "/receiver/peak_flux_w_m2"), 11_326.1, 3e-3);
+    let refused = folder.run(&[PLATE, &["--rays", "1000"]].concat());
+    assert!(
+        refused
+            .stderr()
+            .contains("--rays is of rays; the scene's method is auto")
+    );
+    // traced: a hundred thousand rays in the peak's bin
+    folder.write("plate.toml", scene);
+    let found = json(&folder.run(PLATE).good());
+    let stated = at(&found, "/scene/rays/peak_standard_error");
+    assert!((1e-3..4e-3).contains(&stated), "{stated}");
+    let off = at(&found, "/receiver/peak_flux_w_m2") / 11_326.1 - 1.0;
+    assert!(off.abs() < 4.0 * stated, "{off} {stated}");
+}

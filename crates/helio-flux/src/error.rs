@@ -51,6 +51,29 @@ pub enum FluxError {
         /// The level asked for.
         level: helio_core::SimdLevel,
     },
+    /// Bins that cut the sharp image of an element so often that its light cannot be shared out among them.
+    #[error(
+        "convolution: element {element} (counted from 0): {found:.1e} of its light may be in wrong bins, wanted {wanted:.1e}: \
+         its image is too sharp for the receiver's bins: take fewer bins, a greater tolerance, or rays"
+    )]
+    NotSettled {
+        /// Which element.
+        element: usize,
+        /// The part of its reflected power that may be in wrong bins.
+        found: f64,
+        /// What it may be.
+        wanted: f64,
+    },
+    /// A mesh receiver that stands in its own light, of which an integral knows nothing.
+    #[error(
+        "convolution: triangle {bin} (counted from 0) of the receiver, or a part of it, lies behind triangle {by}: take rays"
+    )]
+    HiddenBin {
+        /// Which triangle.
+        bin: usize,
+        /// What it lies behind.
+        by: usize,
+    },
     /// Rays that were made for another scene.
     #[error("rays: made for another sun shape, optical error or seed than asked for")]
     OtherRays,

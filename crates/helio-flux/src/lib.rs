@@ -2,6 +2,7 @@
 
 pub mod account;
 mod bvh;
+pub mod choice;
 pub mod convolve;
 pub mod deform;
 pub mod element;
@@ -20,6 +21,7 @@ pub mod trace;
 mod vector;
 
 pub use account::Account;
+pub use choice::{Choice, Way, Why, choose_way, peak_error};
 pub use convolve::{ConvolveOptions, convolve, convolve_watched};
 pub use element::Element;
 pub use error::FluxError;

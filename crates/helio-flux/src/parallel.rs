@@ -3,8 +3,8 @@
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-/// Told by threads how much work they have just done and how much there is in all (rays, or bins of the
-/// receiver); false asks them to stop.
+/// Told by threads how much work they have just done and how much there is in all (rays, or
+/// elements of a convolution); false asks them to stop.
 pub type Watch<'a> = &'a (dyn Fn(u64, u64) -> bool + Sync);
 
 /// Whether to go on, as whoever watches wants it.

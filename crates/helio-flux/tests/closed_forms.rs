@@ -142,11 +142,12 @@ fn a_convolution_is_that_closed_form() {
         counts.push(points as f64);
         errors.push(error);
     }
-    // midpoints: second order
-    let rate = rate(&counts, &errors);
+    // one point a bin is too coarse here and becomes two; where the sun's edge passes, of an order between one and two
+    assert_eq!(errors[0], errors[1]);
+    let rate = rate(&counts[1..], &errors[1..]);
     println!("rate {rate:.2}");
     assert!(rate < -1.5, "{rate}");
-    assert!(errors[0] < 5e-3 && errors[3] < 1e-4, "{errors:?}");
+    assert!(errors[0] < 5e-4 && errors[3] < 3e-5, "{errors:?}");
 }
 
 // Two ways to one map, where nothing is known in closed form: oblique, with slopes and scatter, all shapes.
@@ -218,6 +219,7 @@ fn rays_and_convolution_agree() {
                 &ConvolveOptions {
                     points: 3,
                     threads: 2,
+                    ..ConvolveOptions::default()
                 },
             )
             .unwrap();
@@ -227,15 +229,7 @@ fn rays_and_convolution_agree() {
                 "rms {apart:.2e} of the peak; received {:.3} and {:.3} W",
                 a.received_w, b.received_w
             );
-            // slopes, here taken as round, are 6 % of an axis apart at this incidence
-            assert!(
-                apart
-                    < if error.slope_rms_rad() > 0.0 {
-                        5e-3
-                    } else {
-                        4e-3
-                    }
-            );
+            assert!(apart < 4e-3);
             assert!((a.received_w / b.received_w - 1.0).abs() < 3e-3);
             assert!((a.incoming_w / b.incoming_w - 1.0).abs() < 1e-12);
             let alone = convolve(
@@ -243,6 +237,7 @@ fn rays_and_convolution_agree() {
                 &ConvolveOptions {
                     points: 3,
                     threads: 1,
+                    ..ConvolveOptions::default()
                 },
             )
             .unwrap();

@@ -69,8 +69,8 @@ pub use observations::{
 };
 pub use pictures::{write_frame, write_rgb};
 pub use scene::{
-    FluxScene, LightError, MirrorPart, SceneMethod, SceneMirror, SceneOf, SceneRays, SceneSun,
-    SceneUnit, SunForm, load_scene, scene_of_text,
+    FluxScene, MirrorPart, SceneMethod, SceneMirror, SceneOf, SceneRays, SceneSun, SceneUnit,
+    SunForm, load_scene, scene_of_text,
 };
 pub use schema::{scene_schema, schema, target_schema};
 pub use simulate::{

@@ -11,7 +11,7 @@ use helio_core::sun::SunError;
 use helio_flux::FluxError;
 use helio_flux::deform::DeformError;
 use helio_flux::mesh::{MeshError, ReadError};
-use helio_io::{IoError, LightError, PictureError, Problem};
+use helio_io::{IoError, PictureError, Problem};
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 
@@ -204,15 +204,6 @@ impl From<FluxError> for Failure {
                 .with_value(value),
             FluxError::Tracking(error) => error.into(),
             _ => Self::new("FluxError", message),
-        }
-    }
-}
-
-impl From<LightError> for Failure {
-    fn from(error: LightError) -> Self {
-        match error {
-            LightError::Flux(error) => error.into(),
-            other => Self::new("FluxError", other.to_string()),
         }
     }
 }

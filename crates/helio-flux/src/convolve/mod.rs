@@ -1,25 +1,33 @@
 //! From elements to the flux on a receiver, by integrals: the outline of every mirror against the cone of the sun.
 
+mod cone;
+mod outline;
 mod radial;
+mod spread;
+mod surface;
 
-use radial::Radial;
-use rayon::iter::{IntoParallelIterator, ParallelIterator};
+use cone::Cones;
+use outline::Outline;
+use spread::{Spread, Trouble};
+use surface::Surface;
 
 use crate::account::Account;
 use crate::element::Element;
 use crate::error::FluxError;
 use crate::map::FluxMap;
 use crate::parallel::{Going, Watch, over_tasks};
-use crate::receiver::Receiver;
-use crate::trace::Scene;
-use crate::trace::across;
-use crate::vector::{Vector, dot, norm, scale, sub};
+use crate::trace::{Origins, Scene, pieces};
+use crate::vector::{Vector, dot};
 
 /// How a convolution is done. Threads change no bit of the answer.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ConvolveOptions {
-    /// Points along each side of a bin over which its flux is averaged; of a mesh's triangles, its square.
+    /// Points along each side of a bin over which its flux is averaged, at least. Where that is too coarse for an image the
+    /// bin gets more of them, or the mirror is cut instead; a mesh's triangles are always taken as they are.
     pub points: usize,
+    /// By how much of an element's reflected power its bins may together differ from what falls on the
+    /// receiver, before they are made to agree; and how much of it may be in a wrong bin.
+    pub tolerance: f64,
     /// Most threads to use; 0 for as many as the thread pool has.
     pub threads: usize,
 }
@@ -28,26 +36,31 @@ impl Default for ConvolveOptions {
     fn default() -> Self {
         Self {
             points: 2,
+            tolerance: 1e-3,
             threads: 0,
         }
     }
 }
 
-/// Incidences that have a widened cone of their own: 64 steps of the cosine change it by less than 1 %.
-const STEPS: usize = 64;
+/// Elements of a task for a thread.
+const ELEMENTS_PER_TASK: usize = 16;
 
-/// Bins of a task for a thread: some 64 tasks for a usual grid.
-const BINS_PER_TASK: usize = 64;
+/// Quanta of power in all that is reflected: whole ones add up to the same in any order.
+const QUANTA: f64 = (1_u64 << 60) as f64;
 
 /// The flux on the receiver as an integral over every element.
 ///
-/// A point of the receiver sees a flat mirror show it the sun, and the part of the sun's light that lies within
-/// the mirror's outline is what it gets: E = ρ DNI cos(θ) ∫ B dω over the outline as seen from the point. That is
-/// exact for a flat piece at any distance, and costs no rays; what is left is the average over a bin, for which
-/// `points` squared points stand.
+/// Light leaves a flat mirror the same all over it, spread over directions as the sun's is, widened by the errors of
+/// the surface. Of mirror, bin and directions the latter are integrated in closed form over an outline: that of the
+/// mirror as a point of the receiver sees it, or that of a bin as a point of the mirror does. Points stand for whichever of
+/// the two is the smaller against the blur (half the light of a point, at that distance), as many as it takes. Points of
+/// a mirror share out their light, so that it adds up whatever their number; what points of bins get is held against
+/// all that falls on the receiver, told without bins, until both agree within
+/// [`ConvolveOptions::tolerance`], and then made to.
 ///
-/// Slope errors widen the cone by 2σ in the plane of incidence and 2σ cos(incidence) across; here they do so all
-/// round by the mean square of the two. Elements neither shade nor block each other here.
+/// Slope errors σ turn the light by 2σ in the plane of incidence and 2σ cos(incidence) across it; the cone that results, the
+/// sun's disc with that Gaussian over it, is tabulated for every incidence. Elements neither shade nor block each
+/// other here.
 ///
 /// ```
 /// use helio_flux::{ConvolveOptions, Element, OpticalError, Plane, Receiver, Scene, SunShape, convolve};
@@ -70,17 +83,19 @@ const BINS_PER_TASK: usize = 64;
 /// ```
 ///
 /// # Errors
-/// [`FluxError::BadValue`] for a sun without direction, an irradiance out of range, or `points` outside 1..=64.
+/// [`FluxError::BadValue`] for a sun without direction, an irradiance out of range, `points` outside 1..=64 or a tolerance
+/// outside 1e-6..=1; [`FluxError::NotSettled`] where bins cut the sharp image of an element so often that no reasonable
+/// effort meets the tolerance; [`FluxError::HiddenBin`] for a mesh receiver of which parts lie behind others.
 pub fn convolve(scene: &Scene<'_>, options: &ConvolveOptions) -> Result<FluxMap, FluxError> {
     run(
         scene,
         options,
-        &Going::new(None, scene.receiver.bins() as u64),
+        &Going::new(None, scene.elements.len() as u64),
     )
 }
 
 /// Like [`convolve()`], for a long run that somebody watches and may stop: `watch` is told by the threads how many
-/// bins they have just done and how many there are in all. `None` if it asked to stop.
+/// elements they have just done and how many there are in all. `None` if it asked to stop.
 ///
 /// # Errors
 /// As [`convolve()`].
@@ -89,7 +104,7 @@ pub fn convolve_watched(
     options: &ConvolveOptions,
     watch: Watch<'_>,
 ) -> Result<Option<FluxMap>, FluxError> {
-    let going = Going::new(Some(watch), scene.receiver.bins() as u64);
+    let going = Going::new(Some(watch), scene.elements.len() as u64);
     let map = run(scene, options, &going)?;
     Ok(going.is_on().then_some(map))
 }
@@ -99,6 +114,30 @@ fn run(
     options: &ConvolveOptions,
     going: &Going<'_>,
 ) -> Result<FluxMap, FluxError> {
+    let sun = checked(scene, options)?;
+    let account = account_of(scene, sun);
+    let reflected_w = account.incoming_w - account.reflection_loss_w;
+    let mut power_w = vec![0.0; scene.receiver.bins()];
+    if reflected_w > 0.0 {
+        let quantum_w = reflected_w / QUANTA;
+        let quanta = lay(scene, sun, options, quantum_w, going)?;
+        for (to, quanta) in power_w.iter_mut().zip(quanta) {
+            *to = quanta as f64 * quantum_w;
+        }
+    }
+    let received_w = power_w.iter().sum::<f64>().min(reflected_w);
+    Ok(FluxMap::new(
+        scene.receiver,
+        &power_w,
+        Account {
+            received_w,
+            spilled_w: reflected_w - received_w,
+            ..account
+        },
+    ))
+}
+
+fn checked(scene: &Scene<'_>, options: &ConvolveOptions) -> Result<Vector, FluxError> {
     let sun = scene.check()?;
     if !(1..=64).contains(&options.points) {
         return Err(FluxError::BadValue {
@@ -108,12 +147,107 @@ fn run(
             value: options.points as f64,
         });
     }
+    if !(options.tolerance >= 1e-6 && options.tolerance <= 1.0) {
+        return Err(FluxError::BadValue {
+            who: "convolution",
+            what: "tolerance",
+            wanted: "within 1e-6..=1",
+            value: options.tolerance,
+        });
+    }
+    Ok(sun)
+}
+
+/// Looks at a convolution without doing all of it.
+pub(crate) struct Measure;
+
+impl Measure {
+    /// Polygons that a convolution would put under cones, by `most` elements at most.
+    pub(crate) fn of(
+        scene: &Scene<'_>,
+        options: &ConvolveOptions,
+        most: usize,
+    ) -> Result<f64, FluxError> {
+        let sun = checked(scene, options)?;
+        let step = scene.elements.len().div_ceil(most).max(1);
+        let some: Vec<Element> = scene.elements.iter().step_by(step).copied().collect();
+        let cones = cones_of(scene, &some, sun);
+        let surface = Surface::new(scene.receiver);
+        let mut spread = Spread::new(&surface, options);
+        let mut sum = 0;
+        for (number, element) in some.iter().enumerate() {
+            each_outline(scene, element, sun, &cones, |outline| {
+                let found = spread.light(outline);
+                sum += spread.evaluations;
+                found.map_err(|trouble| named(trouble, number * step, options))
+            })?;
+        }
+        Ok(sum as f64 * step as f64)
+    }
+
+    /// Irradiance of a bin \[W/m²\] by so many points along its side.
+    pub(crate) fn bin_flux(scene: &Scene<'_>, bin: usize, side: usize) -> Result<f64, FluxError> {
+        let sun = scene.check()?;
+        let cones = cones_of(scene, scene.elements, sun);
+        let points: Vec<_> = (0..side * side)
+            .map(|k| surface::point(scene.receiver, bin, k, [side; 2]))
+            .collect();
+        let mut sum = 0.0;
+        for element in scene.elements {
+            each_outline(scene, element, sun, &cones, |outline| {
+                sum += points.iter().map(|p| outline.flux_at(p)).sum::<f64>();
+                Ok::<(), FluxError>(())
+            })?;
+        }
+        Ok(sum / points.len() as f64)
+    }
+}
+
+fn cones_of<'a>(scene: &Scene<'a>, elements: &[Element], sun: Vector) -> Cones<'a> {
+    let cosines = elements.iter().map(|element| dot(element.normal(), sun));
+    let lit = cosines.filter(|cosine| *cosine > 0.0);
+    Cones::new(scene.sun_shape, &scene.optical_error, lit)
+}
+
+/// The pieces of an element that the sun sees, with something to reflect.
+fn each_outline<E>(
+    scene: &Scene<'_>,
+    element: &Element,
+    sun: Vector,
+    cones: &Cones<'_>,
+    mut see: impl FnMut(&Outline<'_>) -> Result<(), E>,
+) -> Result<(), E> {
+    let cosine = dot(element.normal(), sun);
+    let Some(cone) = cones.of(cosine).filter(|_| cosine > 0.0) else {
+        return Ok(());
+    };
+    let strength = scene.dni_w_m2 * element.reflectivity();
+    for piece in pieces(element, Origins::Spread) {
+        let area_m2 = element.area_m2() * piece.share;
+        let outline = Outline::new(&piece, area_m2, sun, strength, cone);
+        if outline.power_w > 0.0 {
+            see(&outline)?;
+        }
+    }
+    Ok(())
+}
+
+fn named(trouble: Trouble, element: usize, options: &ConvolveOptions) -> FluxError {
+    match trouble {
+        Trouble::NotSettled(found) => FluxError::NotSettled {
+            element,
+            found,
+            wanted: options.tolerance,
+        },
+        Trouble::Hidden { bin, by } => FluxError::HiddenBin { bin, by },
+    }
+}
+
+/// What there is before any of it is spread.
+fn account_of(scene: &Scene<'_>, sun: Vector) -> Account {
     let mut account = Account::default();
-    let mut steps = [None; STEPS + 1];
-    let mut outlines = Vec::with_capacity(scene.elements.len());
     for element in scene.elements {
-        let cosine = dot(element.normal(), sun);
-        if cosine <= 0.0 {
+        if dot(element.normal(), sun) <= 0.0 {
             account.turned_away += 1;
             continue;
         }
@@ -121,164 +255,63 @@ fn run(
         account.mirror_w += scene.dni_w_m2 * element.area_m2();
         account.incoming_w += incoming_w;
         account.reflection_loss_w += incoming_w * (1.0 - element.reflectivity());
-        let step = (cosine * STEPS as f64).round() as usize;
-        let strength = scene.dni_w_m2 * element.reflectivity();
-        outlines.push(Outline::new(element, sun, step, strength));
-        steps[step] = Some(());
     }
-    let slope = scene.optical_error.slope_rms_rad();
-    let scatter = scene.optical_error.specularity_rms_rad();
-    let cones: Vec<Option<Radial>> = (0..=STEPS)
-        .into_par_iter()
-        .map(|step| {
-            steps[step]?;
-            // without slopes all are the same: only the first is asked for
-            let cosine = step as f64 / STEPS as f64;
-            let square = 2.0 * slope * slope * (1.0 + cosine * cosine) + scatter * scatter;
-            Some(Radial::new(scene.sun_shape, square.sqrt()))
-        })
-        .collect();
-    let bin_power = |bin: usize| -> f64 {
-        let points = points_of(scene.receiver, bin, options.points);
-        let count = points.len() as f64;
-        let mut sum = 0.0;
-        for point in points {
-            for outline in &outlines {
-                if let Some(cone) = &cones[outline.step] {
-                    sum += outline.flux_at(&point, cone);
-                }
-            }
-        }
-        sum / count * scene.receiver.bin_area_m2(bin)
-    };
+    account
+}
+
+/// Quanta of every bin.
+fn lay(
+    scene: &Scene<'_>,
+    sun: Vector,
+    options: &ConvolveOptions,
+    quantum_w: f64,
+    going: &Going<'_>,
+) -> Result<Vec<u64>, FluxError> {
+    let cones = cones_of(scene, scene.elements, sun);
+    let surface = Surface::new(scene.receiver);
     let bins = scene.receiver.bins();
-    let mut power_w = vec![0.0; bins];
-    let tasks = bins.div_ceil(BINS_PER_TASK);
+    let tasks = scene.elements.len().div_ceil(ELEMENTS_PER_TASK);
     let parts = over_tasks(tasks, options.threads, |mine| {
-        let part = |task: usize| {
-            let first = task * BINS_PER_TASK;
-            let last = bins.min(first + BINS_PER_TASK);
-            let power_w: Vec<f64> = (first..last).map(bin_power).collect();
-            going.did((last - first) as u64);
-            (first, power_w)
-        };
-        mine.take_while(|_| going.is_on())
-            .map(part)
-            .collect::<Vec<_>>()
-    });
-    for (first, part) in parts.into_iter().flatten() {
-        power_w[first..first + part.len()].copy_from_slice(&part);
-    }
-    account.received_w = power_w.iter().sum();
-    account.spilled_w = account.incoming_w - account.reflection_loss_w - account.received_w;
-    Ok(FluxMap::new(scene.receiver, &power_w, account))
-}
-
-/// A place on the receiver, and the way it faces.
-struct Point {
-    at: Vector,
-    normal: Vector,
-}
-
-/// Points over a bin, each standing for the same area.
-fn points_of(receiver: &Receiver, bin: usize, side: usize) -> Vec<Point> {
-    let place = |k: usize| (k as f64 + 0.5) / side as f64;
-    let normal = receiver.bin_normal(bin);
-    let grid = |at: &dyn Fn(f64, f64) -> (Vector, Vector)| -> Vec<Point> {
-        (0..side * side)
-            .map(|k| {
-                let (at, normal) = at(place(k / side), place(k % side));
-                Point { at, normal }
-            })
-            .collect()
-    };
-    let (row, column) = (bin / receiver.columns(), bin % receiver.columns());
-    let (row, column) = (row as f64, column as f64);
-    match receiver {
-        Receiver::Plane(plane) => grid(&|v, u| (plane.point_m(row + v, column + u), normal)),
-        Receiver::Frustum(round) => {
-            grid(&|v, u| (round.point_m(row + v, column + u), round.normal(column + u)))
-        }
-        Receiver::Mesh(mesh) => {
-            let corners = mesh.corners_m(bin).unwrap_or_default();
-            grid(&|v, u| {
-                // even over a triangle (Osada et al. 2002)
-                let root = v.sqrt();
-                let parts = [1.0 - root, root * (1.0 - u), root * u];
-                let mut at = [0.0; 3];
-                for (corner, part) in corners.iter().zip(parts) {
-                    at = crate::vector::add(at, scale(*corner, part));
+        let mut spread = Spread::new(&surface, options);
+        let mut quanta = vec![0_u64; bins];
+        // the first in the order of the elements, whichever thread finds it
+        let mut trouble: Option<(usize, Trouble)> = None;
+        for task in mine.take_while(|_| going.is_on()) {
+            let first = task * ELEMENTS_PER_TASK;
+            let last = scene.elements.len().min(first + ELEMENTS_PER_TASK);
+            for (number, element) in scene.elements.iter().enumerate().take(last).skip(first) {
+                if trouble.as_ref().is_some_and(|(of, _)| *of < number) {
+                    break;
                 }
-                (at, normal)
-            })
-        }
-    }
-}
-
-/// An element as the receiver sees it: its corners in axes across and along the middle ray.
-struct Outline {
-    axes: [Vector; 3],
-    corners: [Vector; 4],
-    count: usize,
-    middle: Vector,
-    radius_m: f64,
-    step: usize,
-    strength: f64,
-    normal: Vector,
-    centroid: Vector,
-}
-
-impl Outline {
-    fn new(element: &Element, sun: Vector, step: usize, strength: f64) -> Self {
-        let normal = element.normal();
-        let along = sub(scale(normal, 2.0 * dot(normal, sun)), sun);
-        let [x, y] = across(along);
-        let axes = [x, y, along];
-        let local = |p: Vector| axes.map(|axis| dot(axis, p));
-        let centroid = element.centroid_m();
-        // a bent quadrilateral, moved into its plane
-        let flat = |p: Vector| sub(p, scale(normal, dot(sub(p, centroid), normal)));
-        let mut corners = [[0.0; 3]; 4];
-        let mut radius_m = 0.0_f64;
-        for (to, &from) in corners.iter_mut().zip(element.corners_m()) {
-            *to = local(flat(from));
-            radius_m = radius_m.max(norm(sub(from, centroid)));
-        }
-        Self {
-            axes,
-            corners,
-            count: element.corners_m().len(),
-            middle: local(centroid),
-            radius_m,
-            step,
-            strength,
-            normal,
-            centroid,
-        }
-    }
-
-    /// Irradiance at a point of the receiver \[W/m²\].
-    fn flux_at(&self, point: &Point, cone: &Radial) -> f64 {
-        let facing = -dot(point.normal, self.axes[2]);
-        if facing <= 0.0 || dot(sub(point.at, self.centroid), self.normal) <= 0.0 {
-            return 0.0;
-        }
-        let [x, y, z] = self.axes.map(|axis| dot(axis, point.at));
-        // far from the middle ray nothing of the sun shows
-        let (dx, dy, far) = (self.middle[0] - x, self.middle[1] - y, z - self.middle[2]);
-        let reach = self.radius_m + cone.end * (far + self.radius_m);
-        if far <= 0.0 || dx * dx + dy * dy > reach * reach {
-            return 0.0;
-        }
-        let mut seen = [[0.0; 2]; 4];
-        for (to, corner) in seen.iter_mut().zip(&self.corners[..self.count]) {
-            let distance = z - corner[2];
-            if distance <= 0.0 {
-                return 0.0;
+                let found = each_outline(scene, element, sun, &cones, |outline| {
+                    spread.light(outline)?;
+                    for (&bin, power_w) in spread.bins.iter().zip(&spread.power_w) {
+                        quanta[bin as usize] += (power_w / quantum_w).round() as u64;
+                    }
+                    Ok(())
+                });
+                if let Err(found) = found {
+                    trouble = Some((number, found));
+                }
             }
-            let inverse = 1.0 / distance;
-            *to = [(corner[0] - x) * inverse, (corner[1] - y) * inverse];
+            going.did((last - first) as u64);
         }
-        self.strength * facing * cone.within(&seen[..self.count])
+        (quanta, trouble)
+    });
+    let mut all = vec![0_u64; bins];
+    let mut first: Option<(usize, Trouble)> = None;
+    for (quanta, trouble) in parts {
+        for (to, some) in all.iter_mut().zip(quanta) {
+            *to += some;
+        }
+        if let Some((number, found)) = trouble
+            && first.as_ref().is_none_or(|(of, _)| number < *of)
+        {
+            first = Some((number, found));
+        }
+    }
+    match first {
+        None => Ok(all),
+        Some((element, trouble)) => Err(named(trouble, element, options)),
     }
 }

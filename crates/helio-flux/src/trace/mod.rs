@@ -12,7 +12,7 @@ mod tracer;
 mod verdict;
 
 pub use beam::Origins;
-pub(crate) use beam::across;
+pub(crate) use beam::{Piece as MirrorPiece, across, pieces};
 use helio_core::SimdLevel;
 use occlusion::Obstacles;
 use plan::Plan;

@@ -301,8 +301,13 @@ pub(crate) static RECEIVER: Key = required(
 
 pub(crate) static METHOD: Key = optional(
     "method",
-    Kind::Word(&["trace", "convolve"]),
-    "Rays with shading and blocking, or integrals over the mirrors' outlines without. Default: trace.",
+    Kind::Word(&["trace", "convolve", "auto"]),
+    "Rays with shading and blocking, integrals over the mirrors' outlines without, or whichever is sooner at an error. Default: trace.",
+);
+pub(crate) static ERROR: Key = optional(
+    "error",
+    Kind::Number(5e-4, 0.5),
+    "Of auto: the standard error that the greatest irradiance may have, as part of it. Default: 0.01.",
 );
 pub(crate) static RAY_COUNT: Key = optional(
     "count",
@@ -319,7 +324,7 @@ pub(crate) static POINTS: Key = optional(
     Kind::Number(1.0, 64.0),
     "Of convolve: points along each side of a bin. Default: 2.",
 );
-static RAYS_KEYS: &[&Key] = &[&METHOD, &RAY_COUNT, &SEED, &POINTS];
+static RAYS_KEYS: &[&Key] = &[&METHOD, &ERROR, &RAY_COUNT, &SEED, &POINTS];
 pub(crate) static RAYS: Key = optional("rays", Kind::Table(RAYS_KEYS), "How the flux is found.");
 
 pub(crate) static SCENE_FILE: &[&Key] = &[&SUN, &MIRROR, &RECEIVER, &RAYS];

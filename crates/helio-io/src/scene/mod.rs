@@ -17,8 +17,6 @@ use crate::keys::Key;
 use crate::table::read_text;
 use crate::toml::{Section, Source};
 
-pub use light::LightError;
-
 /// Which mirrors a scene is for: some of its keys are of one kind only.
 #[derive(Debug, Clone, Copy)]
 #[non_exhaustive]
@@ -207,11 +205,13 @@ pub struct SceneMirror {
 }
 
 /// How the flux is found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct SceneRays {
     /// By rays or by integrals.
     pub method: SceneMethod,
+    /// Of [`SceneMethod::Auto`]: the relative standard error of the greatest irradiance.
+    pub error: f64,
     /// Rays in all.
     pub count: u64,
     /// Of the rays.
@@ -229,6 +229,8 @@ pub enum SceneMethod {
     Trace,
     /// [`helio_flux::convolve()`].
     Convolve,
+    /// As [`helio_flux::choose_way`] says.
+    Auto,
 }
 
 /// Reads a `scene.toml`, and the file of its receiver if that is a mesh.
@@ -478,6 +480,7 @@ fn heliostat(section: &Section<'_>, reflectivity: f64) -> Result<HeliostatMirror
 fn rays(file: &Section<'_>) -> Result<SceneRays, IoError> {
     let mut rays = SceneRays {
         method: SceneMethod::Trace,
+        error: 0.01,
         count: 4_000_000,
         seed: 0,
         points: 2,
@@ -485,18 +488,28 @@ fn rays(file: &Section<'_>) -> Result<SceneRays, IoError> {
     let Some(section) = file.section(&keys::RAYS)? else {
         return Ok(rays);
     };
-    if section.text(&keys::METHOD)? == Some("convolve") {
-        rays.method = SceneMethod::Convolve;
-    }
+    rays.method = match section.text(&keys::METHOD)? {
+        Some("convolve") => SceneMethod::Convolve,
+        Some("auto") => SceneMethod::Auto,
+        _ => SceneMethod::Trace,
+    };
     let others: &[(&Key, &str)] = match rays.method {
-        SceneMethod::Trace => &[(&keys::POINTS, "convolve")],
-        SceneMethod::Convolve => &[(&keys::RAY_COUNT, "trace"), (&keys::SEED, "trace")],
+        SceneMethod::Trace => &[(&keys::POINTS, "convolve"), (&keys::ERROR, "auto")],
+        SceneMethod::Convolve => &[
+            (&keys::RAY_COUNT, "trace"),
+            (&keys::SEED, "trace"),
+            (&keys::ERROR, "auto"),
+        ],
+        SceneMethod::Auto => &[(&keys::RAY_COUNT, "trace"), (&keys::POINTS, "convolve")],
     };
     for (key, method) in others {
         if section.has(key) {
             let message = format!("{} is of method = \"{method}\"", section.dotted(key));
             return Err(conflict(&section, key, message));
         }
+    }
+    if let Some(error) = section.number(&keys::ERROR)? {
+        rays.error = error;
     }
     if let Some(count) = whole(&section, &keys::RAY_COUNT)? {
         rays.count = count;

@@ -112,6 +112,27 @@ fn a_receiver_of_triangles() {
 }
 
 #[test]
+fn a_method_by_an_error() {
+    let scene = of_mesh(&format!("{PLANE}[rays]\nmethod = \"auto\"\nseed = 7\n")).unwrap();
+    assert_eq!((scene.rays.method, scene.rays.seed), (SceneMethod::Auto, 7));
+    assert_eq!(scene.rays.error, 0.01);
+    let closer = of_mesh(&format!("{PLANE}[rays]\nmethod = \"auto\"\nerror = 2e-3\n")).unwrap();
+    assert_eq!(closer.rays.error, 2e-3);
+    for (method, key) in [
+        ("auto", "count = 5"),
+        ("auto", "points = 2"),
+        ("trace", "error = 0.1"),
+        ("convolve", "error = 0.1"),
+    ] {
+        let refused = of_mesh(&format!("{PLANE}[rays]\nmethod = \"{method}\"\n{key}\n"));
+        assert!(
+            refused.unwrap_err().contains(" is of method = "),
+            "{method} {key}"
+        );
+    }
+}
+
+#[test]
 fn what_is_wrong_is_shown_with_its_place() {
     let field = |mirror: &str, receiver: &str| {
         of_field(&format!(

@@ -47,9 +47,18 @@ impl SceneAsked {
                 }
             };
         }
-        for (given, option) in [(self.rays.is_some(), "rays"), (self.seed.is_some(), "seed")] {
-            if given && scene.rays.method == SceneMethod::Convolve {
-                let message = "it is of rays; the scene's method is convolve";
+        let (method, rays) = (scene.rays.method, self.rays.is_some());
+        for (wrong, option, of) in [
+            (rays && method == SceneMethod::Convolve, "rays", "convolve"),
+            (rays && method == SceneMethod::Auto, "rays", "auto"),
+            (
+                self.seed.is_some() && method == SceneMethod::Convolve,
+                "seed",
+                "convolve",
+            ),
+        ] {
+            if wrong {
+                let message = format!("it is of rays; the scene's method is {of}");
                 return Err(Failure::of("OptionError", option, message));
             }
         }

@@ -50,7 +50,7 @@ pub(super) fn run(
     warn_of_missing(&field, &mirrors, printer);
     let sun = sun.as_enu();
     let toward = [sun.east, sun.north, sun.up];
-    let map = super::light(&scene, &mirrors.elements, toward, threads, printer)?;
+    let (map, taken) = super::light(&scene, &mirrors.elements, toward, threads, printer)?;
     summary::say_account(map.account(), printer);
     summary::say_peak(&scene.receiver, &map, scene.sun.dni_w_m2, printer);
     let drawn = plots::draw(args, || {
@@ -86,7 +86,7 @@ pub(super) fn run(
         "heliostats": statuses(&tally),
         "elements": mirrors.elements.len(),
         "mirror_area_m2": mirrors.elements.iter().map(helio_flux::Element::area_m2).sum::<f64>(),
-        "scene": super::about_scene(&scene, toward),
+        "scene": super::about_scene(&scene, toward, &taken),
         "power": summary::account(map.account()),
         "receiver": summary::receiver(&scene.receiver, &map, scene.sun.dni_w_m2),
         "files": super::hashes(&inputs)?,

@@ -14,6 +14,7 @@ use super::outputs::{self, Outputs};
 use super::plots::{self, Plot};
 use super::shapes::Shapes;
 use super::summary;
+use super::way::Taken;
 use crate::Outcome;
 use crate::args::{DeformWord, FluxArgs, word};
 use crate::failure::Failure;
@@ -43,12 +44,12 @@ pub(super) fn run(
     shapes.say(printer);
     let elements = shapes.elements(scene.mirror.reflectivity)?;
     let sun = sun(&scene);
-    let map = super::light(&scene, &elements, sun, threads, printer)?;
+    let (map, taken) = super::light(&scene, &elements, sun, threads, printer)?;
     summary::say_account(map.account(), printer);
     let dni_w_m2 = scene.sun.dni_w_m2;
     summary::say_peak(&scene.receiver, &map, dni_w_m2, printer);
     let left_out = shapes.left_out();
-    let found = found(model, &scene, &read, &shapes, &map, &inputs)?;
+    let found = found(model, &scene, &read, &shapes, (&map, &taken), &inputs)?;
     let drawn = plots::draw(args, || plot(model, &scene, &read, &shapes, &map))?;
     outputs.map(&scene.receiver, &map, ["x_m", "y_m", "z_m"], printer)?;
     if let (Some(path), Some(traced)) = (&args.slopes, &shapes.traced_slopes()) {
@@ -307,14 +308,14 @@ fn found(
     scene: &FluxScene,
     read: &Read,
     shapes: &Shapes,
-    map: &FluxMap,
+    (map, taken): (&FluxMap, &Taken),
     inputs: &[PathBuf],
 ) -> Result<Value, Failure> {
     Ok(json!({
         "mesh": read.json(model),
         "method": if read.loaded { word(shapes.method) } else { word(DeformWord::Unloaded) },
         "slope_errors": shapes.json(),
-        "scene": super::about_scene(scene, sun(scene)),
+        "scene": super::about_scene(scene, sun(scene), taken),
         "power": summary::account(map.account()),
         "receiver": summary::receiver(&scene.receiver, map, scene.sun.dni_w_m2),
         "files": super::hashes(inputs)?,

@@ -7,21 +7,19 @@ mod outputs;
 mod plots;
 mod shapes;
 mod summary;
+mod way;
 
 use std::path::PathBuf;
-use std::sync::Mutex;
-use std::sync::atomic::Ordering;
 
-use helio_flux::{Element, FluxMap};
 use helio_io::{FluxScene, SceneMethod, SceneOf, SunForm, hash_file, load_scene};
 use serde_json::{Value, json};
+use way::{Taken, light};
 
-use super::track::stop_on_signals;
 use crate::Outcome;
 use crate::args::{FluxArgs, InsteadArgs};
 use crate::failure::Failure;
 use crate::plan;
-use crate::printer::{Grouped, Printer};
+use crate::printer::Printer;
 
 pub(crate) fn run(args: &FluxArgs, printer: &Printer) -> Result<Outcome, Failure> {
     let threads = plan::threads(args.threads)?;
@@ -57,11 +55,6 @@ fn scene(args: &FluxArgs, of: SceneOf<'_>, printer: &Printer) -> Result<FluxScen
         printer.warn(warning);
     }
     instead(&mut scene, &args.instead)?;
-    if scene.rays.method == SceneMethod::Convolve {
-        printer.note(format_args!(
-            "by convolution mirrors neither shade nor block each other"
-        ));
-    }
     Ok(scene)
 }
 
@@ -82,13 +75,24 @@ fn instead(scene: &mut FluxScene, typed: &InsteadArgs) -> Result<(), Failure> {
             }
         };
     }
-    for (given, option) in [
-        (typed.rays.is_some(), "--rays"),
-        (typed.seed.is_some(), "--seed"),
+    let method = scene.rays.method;
+    let (convolve, auto) = (SceneMethod::Convolve, SceneMethod::Auto);
+    for (wrong, option, of) in [
+        (
+            typed.rays.is_some() && method == convolve,
+            "--rays",
+            "convolve",
+        ),
+        (typed.rays.is_some() && method == auto, "--rays", "auto"),
+        (
+            typed.seed.is_some() && method == convolve,
+            "--seed",
+            "convolve",
+        ),
     ] {
-        if given && scene.rays.method == SceneMethod::Convolve {
+        if wrong {
             return Err(Failure::refused(format!(
-                "{option} is of rays; the scene's method is convolve"
+                "{option} is of rays; the scene's method is {of}"
             )));
         }
     }
@@ -97,74 +101,13 @@ fn instead(scene: &mut FluxScene, typed: &InsteadArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Traces or integrates, with progress, until it is done or somebody wants an end.
-fn light(
-    scene: &FluxScene,
-    elements: &[Element],
-    sun: [f64; 3],
-    threads: usize,
-    printer: &Printer,
-) -> Result<FluxMap, Failure> {
-    let trace = scene.rays.method == SceneMethod::Trace;
-    let stop = stop_on_signals();
-    let progress = Mutex::new(None);
-    let things = if trace { "rays" } else { "bins" };
-    let watch = |more: u64, all: u64| {
-        if let Ok(mut progress) = progress.lock() {
-            progress
-                .get_or_insert_with(|| printer.progress_of(all, things))
-                .advance(more);
-        }
-        !stop.load(Ordering::Relaxed)
-    };
-    let Some(map) = scene.light(elements, sun, threads, &watch)? else {
-        return Err(Failure::Interrupted { streamed: false });
-    };
-    if !trace {
-        say_oblique(scene, elements, sun, printer);
-    }
-    let took_s = match progress.into_inner() {
-        Ok(Some(progress)) => progress.finish().as_secs_f64(),
-        _ => 0.0,
-    };
-    let count = if trace {
-        map.account().rays
-    } else {
-        scene.receiver.bins() as u64
-    };
-    printer.say(format_args!("{} {things} in {took_s:.2} s", Grouped(count)));
-    Ok(map)
-}
-
-/// Cosine of incidence below which a slope error's cone is far from round.
-const OBLIQUE: f64 = 0.9;
-
-/// A slope error turns rays by twice itself in the plane of incidence, and by less across; the integral takes it round.
-fn say_oblique(scene: &FluxScene, elements: &[Element], sun: [f64; 3], printer: &Printer) {
-    let dot = |n: [f64; 3]| n[0] * sun[0] + n[1] * sun[1] + n[2] * sun[2];
-    let length = dot(sun).sqrt();
-    let cosines = elements.iter().map(|e| dot(e.normal()) / length);
-    let least = cosines.filter(|cosine| *cosine > 0.0).fold(1.0, f64::min);
-    if scene.mirror.error.slope_rms_rad() > 0.0 && least < OBLIQUE {
-        printer.warn(format_args!(
-            "convolve takes the light that slope errors scatter as round, and it is {least:.2} times as wide across as in the plane of \
-             incidence (up to {:.0} degrees here): peaks may be 10 % off at 60 degrees and 30 % at 75; method = \"trace\" is right",
-            least.acos().to_degrees()
-        ));
-    }
-}
-
 /// What every summary of a scene has.
-fn about_scene(scene: &FluxScene, sun: [f64; 3]) -> Value {
+fn about_scene(scene: &FluxScene, sun: [f64; 3], taken: &Taken) -> Value {
     let (name, value) = match scene.sun.form {
         SunForm::Pillbox(rad) | SunForm::LimbDarkened(rad) => ("half_angle_mrad", 1e3 * rad),
         SunForm::Gaussian(rad) => ("sigma_mrad", 1e3 * rad),
         SunForm::Buie(ratio) => ("circumsolar_ratio", ratio),
         _ => ("extent", f64::NAN),
-    };
-    let rays = match scene.rays.method {
-        SceneMethod::Convolve => json!({ "method": "convolve", "points": scene.rays.points }),
-        _ => json!({ "method": "trace", "count": scene.rays.count, "seed": scene.rays.seed }),
     };
     json!({
         "sun": {
@@ -176,7 +119,7 @@ fn about_scene(scene: &FluxScene, sun: [f64; 3]) -> Value {
         "reflectivity": scene.mirror.reflectivity,
         "slope_error_mrad": 1e3 * scene.mirror.error.slope_rms_rad(),
         "specularity_mrad": 1e3 * scene.mirror.error.specularity_rms_rad(),
-        "rays": rays,
+        "rays": taken.about(scene),
     })
 }
 

@@ -114,6 +114,10 @@ pub(super) fn facts(scene: &FluxScene, sun: String) -> Vec<(String, String)> {
     let error = &scene.mirror.error;
     let method = match scene.rays.method {
         SceneMethod::Convolve => "convolution, without shading and blocking".to_owned(),
+        SceneMethod::Auto => format!(
+            "rays or convolution, for an error of {} of the peak",
+            scene.rays.error
+        ),
         _ => format!(
             "{} rays, seed {}",
             Grouped(scene.rays.count),
