@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Builds helio-py into an environment of its own and runs its tests, stubtest, mypy and ruff. The last
+# Builds helio-py into an environment of its own and runs its tests, stubtest, mypy and ruff, and builds the manual. The last
 # line is "N passed, N failed, N skipped"; a step that fails counts as one failed.
 #
 # HELIO_RS names the command line to compare with; without it the one of the target folder is taken.
@@ -40,10 +40,19 @@ step() {
     fi
 }
 
-step "stubs" "$venv/bin/python" -m mypy.stubtest helio_py --ignore-missing-stub
+# The manual, with the Python reference of the wheel just built; nothing in it may ask a network.
+manual() {
+    local site="$target/site"
+    NO_MKDOCS_2_WARNING=1 "$venv/bin/mkdocs" build --quiet --strict --config-file ../../mkdocs.yml --site-dir "$site" &&
+        "$venv/bin/python" tests/offline.py "$site"
+}
+
+step "stubs" "$venv/bin/python" -m mypy.stubtest helio_py --ignore-missing-stub --allowlist tests/stubtest.txt
 step "types" "$venv/bin/mypy" --cache-dir "$target/mypy-py"
 step "lint" "$venv/bin/ruff" check --quiet --cache-dir "$target/ruff" python tests
 step "format" "$venv/bin/ruff" format --quiet --check --cache-dir "$target/ruff" python tests
+
+step "manual" manual
 
 log="$target/python-tests.log"
 printf '== helio-py: tests\n'

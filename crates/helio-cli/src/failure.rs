@@ -10,7 +10,7 @@ use helio_core::sun::SunError;
 use helio_flux::FluxError;
 use helio_flux::deform::DeformError;
 use helio_flux::mesh::MeshError;
-use helio_io::IoError;
+use helio_io::{IoError, PictureError};
 use helio_report::FigureError;
 use helio_spot::SpotError;
 
@@ -42,6 +42,9 @@ pub(crate) enum Failure {
     /// A mirror whose deformation cannot be told.
     #[error(transparent)]
     Deform(#[from] DeformError),
+    /// A file that is no picture.
+    #[error(transparent)]
+    Picture(#[from] PictureError),
     /// What was asked for cannot be done; the whole sentence.
     #[error("{0}")]
     Refused(String),

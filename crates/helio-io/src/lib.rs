@@ -23,6 +23,7 @@ mod campaign;
 mod error;
 mod field;
 mod finished;
+mod flux;
 mod frames;
 mod hash;
 mod joining;
@@ -35,6 +36,7 @@ pub mod output;
 mod pictures;
 mod scene;
 mod schema;
+mod simulate;
 mod small;
 mod spots;
 mod state;
@@ -55,6 +57,7 @@ pub use field::{
     load_field,
 };
 pub use finished::Finished;
+pub use flux::{GrayPicture, PictureError, TargetFlux, write_flux_map};
 pub use frames::{FrameFiles, frame_files};
 pub use hash::{Sha256, hash_file};
 pub use leftovers::{load_leftovers, write_leftovers};
@@ -67,9 +70,12 @@ pub use observations::{
 pub use pictures::{write_frame, write_rgb};
 pub use scene::{
     FluxScene, MirrorPart, SceneMethod, SceneMirror, SceneOf, SceneRays, SceneSun, SceneUnit,
-    SunForm, load_scene,
+    SunForm, load_scene, scene_of_text,
 };
 pub use schema::{scene_schema, schema, target_schema};
+pub use simulate::{
+    LayoutPattern, ObservationPlan, SimulateError, SimulatedLayout, SimulatedObservations,
+};
 pub use small::{Angles, AnglesSun, PresentAngles, Suns, load_angles, load_present, load_suns};
 pub use spots::{SpotRow, SpotTable, load_spots, write_spots};
 pub use state::{

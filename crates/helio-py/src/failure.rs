@@ -8,7 +8,10 @@ use std::path::PathBuf;
 
 use helio_core::error::{DriveError, FieldError, TrackError};
 use helio_core::sun::SunError;
-use helio_io::{IoError, Problem};
+use helio_flux::FluxError;
+use helio_flux::deform::DeformError;
+use helio_flux::mesh::{MeshError, ReadError};
+use helio_io::{IoError, PictureError, Problem};
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 
@@ -189,6 +192,46 @@ impl From<IoError> for Failure {
             failure = failure.with_field(field);
         }
         failure
+    }
+}
+
+impl From<FluxError> for Failure {
+    fn from(error: FluxError) -> Self {
+        let message = error.to_string();
+        match error {
+            FluxError::BadValue { what, value, .. } => Self::new("FluxError", message)
+                .with_field(what)
+                .with_value(value),
+            FluxError::Tracking(error) => error.into(),
+            _ => Self::new("FluxError", message),
+        }
+    }
+}
+
+impl From<MeshError> for Failure {
+    fn from(error: MeshError) -> Self {
+        Self::new("MeshError", error.to_string())
+    }
+}
+
+impl From<ReadError> for Failure {
+    fn from(error: ReadError) -> Self {
+        Self::new("MeshError", error.to_string())
+    }
+}
+
+impl From<DeformError> for Failure {
+    fn from(error: DeformError) -> Self {
+        Self::new("MeshError", error.to_string())
+    }
+}
+
+impl From<PictureError> for Failure {
+    fn from(error: PictureError) -> Self {
+        match error {
+            PictureError::Unreadable(error) => error.into(),
+            other => Self::new("ImageError", other.to_string()),
+        }
     }
 }
 

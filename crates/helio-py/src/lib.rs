@@ -3,9 +3,9 @@
 //! The package's own documentation is in its doc strings, which begin here as the comments above each
 //! function and class, in the form that Python's readers know (numpydoc).
 //!
-//! One file per subject: `field`, `track`, `forward`, `sun`, `drive`; below them what they
+//! One file per subject: `field`, `track`, `forward`, `sun`, `drive`, `flux`, `simulate`; below them what they
 //! share: `array` (NumPy in and out), `failure` (errors), `pool` (threads, and forks), `guard`
-//! (panics), `slab` (memory of answers).
+//! (panics), `slab` (memory of answers), `watch` (progress and Ctrl-C of long work).
 
 #![allow(
     clippy::too_many_arguments,
@@ -16,12 +16,15 @@ mod array;
 mod drive;
 mod failure;
 mod field;
+mod flux;
 mod forward;
 mod guard;
 mod pool;
+mod simulate;
 mod slab;
 mod sun;
 mod track;
+mod watch;
 
 use pyo3::prelude::*;
 
@@ -40,5 +43,14 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(sun::_parse_time, module)?)?;
     module.add_function(wrap_pyfunction!(array::_address_read, module)?)?;
     module.add_function(wrap_pyfunction!(guard::_panic, module)?)?;
+
+    module.add_class::<flux::PyFlux>()?;
+    module.add_function(wrap_pyfunction!(flux::_flux_mesh, module)?)?;
+    module.add_function(wrap_pyfunction!(flux::_flux_field, module)?)?;
+    module.add_function(wrap_pyfunction!(flux::_flux_camera, module)?)?;
+
+    module.add_class::<simulate::PyCampaign>()?;
+    module.add_function(wrap_pyfunction!(simulate::_simulate_field, module)?)?;
+    module.add_function(wrap_pyfunction!(simulate::_simulate_observations, module)?)?;
     Ok(())
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use helio_io::output::{Destination, Format, write_table};
 use helio_io::write_file;
 
-use super::simulate::{EXAMPLE, Layout};
+use super::simulate::{EXAMPLE, layout};
 use crate::Outcome;
 use crate::args::InitArgs;
 use crate::failure::Failure;
@@ -39,11 +39,11 @@ pub(crate) fn run(args: &InitArgs, printer: &Printer) -> Result<Outcome, Failure
         ))
     })?;
     // The table first: a field.toml never names what is not there.
-    let layout = Layout::generate(&EXAMPLE);
+    let layout = layout(&EXAMPLE);
     write_table(
         Destination::File(table),
         Format::Csv,
-        layout.ids(),
+        &layout.ids,
         &layout.columns(),
     )?;
     write_file(&field, field_toml().as_bytes())?;

@@ -1,8 +1,8 @@
 //! `simulate`: synthetic fields, observations and camera frames.
 
-use helio_core::Enu;
-use helio_core::layout::{Measures, fermat_spiral, radial_staggered};
+use helio_core::layout::Measures;
 use helio_io::output::write_table;
+use helio_io::{LayoutPattern, SimulatedLayout};
 
 use crate::Outcome;
 use crate::args::{LayoutWord, Simulate, SimulateFieldArgs};
@@ -41,7 +41,7 @@ pub(crate) fn run(what: &Simulate, printer: &Printer) -> Result<Outcome, Failure
 fn field(args: &SimulateFieldArgs, printer: &Printer) -> Result<Outcome, Failure> {
     let format = plan::format(args.out.as_deref(), args.format)?;
     let destination = plan::destination(args.out.as_deref(), format, &[], printer)?;
-    let layout = Layout::generate(&LayoutPlan {
+    let layout = layout(&LayoutPlan {
         pattern: args.layout,
         heliostats: args.heliostats,
         tower_height_m: args.tower_height_m,
@@ -63,49 +63,8 @@ fn field(args: &SimulateFieldArgs, printer: &Printer) -> Result<Outcome, Failure
     Ok(Outcome::Good)
 }
 
-/// A generated layout as columns.
-pub(crate) struct Layout {
-    ids: Vec<String>,
-    east_m: Vec<f64>,
-    north_m: Vec<f64>,
-    up_m: Vec<f64>,
-}
-
-impl Layout {
-    pub(crate) fn generate(plan: &LayoutPlan) -> Self {
-        let pivots = pivots(plan);
-        // Nobody sets up a heliostat by less, and short numbers read well.
-        let millimetres = |m: f64| (m * 1000.0).round() / 1000.0 + 0.0;
-        let column = |of: fn(&Enu) -> f64| pivots.iter().map(|p| millimetres(of(p))).collect();
-        Self {
-            ids: ids(pivots.len()),
-            east_m: column(|p| p.east),
-            north_m: column(|p| p.north),
-            up_m: column(|p| p.up),
-        }
-    }
-
-    /// The columns after `id`.
-    pub(crate) fn columns(&self) -> [(&'static str, &[f64]); 3] {
-        [
-            ("east_m", &self.east_m),
-            ("north_m", &self.north_m),
-            ("up_m", &self.up_m),
-        ]
-    }
-
-    pub(crate) fn ids(&self) -> &[String] {
-        &self.ids
-    }
-}
-
-/// Names of so many heliostats, all of the same length so that they sort.
-fn ids(count: usize) -> Vec<String> {
-    let digits = count.to_string().len();
-    (1..=count).map(|i| format!("H{i:0digits$}")).collect()
-}
-
-fn pivots(plan: &LayoutPlan) -> Vec<Enu> {
+/// A layout as it is planned.
+pub(crate) fn layout(plan: &LayoutPlan) -> SimulatedLayout {
     let measures = Measures {
         count: plan.heliostats as usize,
         tower_height_m: plan.tower_height_m,
@@ -113,8 +72,9 @@ fn pivots(plan: &LayoutPlan) -> Vec<Enu> {
         mirror_height_m: plan.mirror_m.1,
         up_m: plan.pivot_height_m,
     };
-    match plan.pattern {
-        LayoutWord::RadialStaggered => radial_staggered(&measures),
-        LayoutWord::FermatSpiral => fermat_spiral(&measures),
-    }
+    let pattern = match plan.pattern {
+        LayoutWord::RadialStaggered => LayoutPattern::RadialStaggered,
+        LayoutWord::FermatSpiral => LayoutPattern::FermatSpiral,
+    };
+    SimulatedLayout::generate(pattern, &measures)
 }

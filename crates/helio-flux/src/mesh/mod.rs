@@ -34,6 +34,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use crate::vector::Vector;
 
+mod arrays;
 mod build;
 pub mod csv;
 pub mod error;

@@ -1,6 +1,7 @@
 //! `scene.toml`: what mirrors are lit by, and what they light.
 
 pub(crate) mod keys;
+mod light;
 mod receiver;
 
 use std::path::{Path, PathBuf};
@@ -24,6 +25,8 @@ pub enum SceneOf<'a> {
     Mesh,
     /// The heliostats of a field.
     Field(&'a LoadedField),
+    /// Heliostats that no `field.toml` describes: none of their targets has a name.
+    Heliostats,
 }
 
 /// A scene as its file describes it.
@@ -258,8 +261,24 @@ pub enum SceneMethod {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn load_scene(path: &Path, of: SceneOf<'_>) -> Result<FluxScene, IoError> {
-    let text = read_text(path)?;
-    let source = Source { path, text: &text };
+    scene_of_text(path, &read_text(path)?, of)
+}
+
+/// The scene of a text that stands, or might stand, in a `scene.toml` at that path: messages name it, and files named
+/// in the text are sought from its folder.
+///
+/// # Errors
+/// As [`load_scene`].
+///
+/// ```
+/// use helio_io::{SceneOf, scene_of_text};
+/// let text = "[receiver]\nshape = \"plane\"\ncentre_m = [0, 0, 1]\nfacing = [0, 0, -1]\nwidth_m = 1\nheight_m = 1";
+/// let scene = scene_of_text("scene".as_ref(), text, SceneOf::Mesh)?;
+/// assert_eq!(scene.sun.dni_w_m2, 1000.0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn scene_of_text(path: &Path, text: &str, of: SceneOf<'_>) -> Result<FluxScene, IoError> {
+    let source = Source { path, text };
     let document = source.parse()?;
     let file = Section::new(
         source,
@@ -345,7 +364,7 @@ fn sun(file: &Section<'_>, of: SceneOf<'_>) -> Result<SceneSun, IoError> {
         sun.dni_w_m2 = dni_w_m2;
     }
     sun.toward = direction(&section, &keys::TOWARD)?;
-    if sun.toward.is_some() && matches!(of, SceneOf::Field(_)) {
+    if sun.toward.is_some() && !matches!(of, SceneOf::Mesh) {
         let message = format!(
             "{} is of a mesh; of a field the sun is that of --time, or of --sun-azimuth-deg and --sun-elevation-deg",
             section.dotted(&keys::TOWARD)
@@ -402,7 +421,7 @@ fn mirror(file: &Section<'_>, of: SceneOf<'_>) -> Result<SceneMirror, IoError> {
         axis: None,
         heliostat: None,
     };
-    let field = matches!(of, SceneOf::Field(_));
+    let field = !matches!(of, SceneOf::Mesh);
     let Some(section) = file.section(&keys::MIRROR)? else {
         if field {
             return Err(file.missing(&keys::MIRROR));

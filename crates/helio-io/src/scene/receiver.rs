@@ -118,7 +118,11 @@ fn round(section: &Section<'_>, word: &str) -> Built<Frustum> {
 
 fn target(section: &Section<'_>, of: SceneOf<'_>) -> Built<Plane> {
     let SceneOf::Field(loaded) = of else {
-        let message = "shape = \"target\" is of a field; a mesh has no targets".to_owned();
+        let message = match of {
+            SceneOf::Mesh => "shape = \"target\" is of a field; a mesh has no targets",
+            _ => "shape = \"target\" is of a field.toml, where targets have names",
+        };
+        let message = message.to_owned();
         return Err(conflict(section, &keys::RECEIVER_SHAPE, message));
     };
     let name = section

@@ -16,6 +16,7 @@ Every failure is a ``HelioError``; a row that cannot be computed is none, it has
 """
 
 import warnings as _warnings
+from typing import TYPE_CHECKING as _TYPE_CHECKING
 
 from helio_py._errors import (
     AngleError,
@@ -32,8 +33,11 @@ from helio_py._errors import (
     FileSyntaxError,
     FileUnreadableError,
     FileValueError,
+    FluxError,
     HelioError,
+    ImageError,
     InternalError,
+    MeshError,
     MissingError,
     NoSuchRowError,
     OptionError,
@@ -45,9 +49,24 @@ from helio_py._errors import (
     TrackError,
     UnknownNameError,
 )
-from helio_py._native import Drive, Field, Tracking, __version__, _optimised, forward, sun_position, track
+from helio_py._flux import CameraFlux, FluxAccount, SlopeErrors, TargetMap, flux
+from helio_py._native import Drive, Field, Flux, Tracking, __version__, _optimised, forward, sun_position, track
+from helio_py._simulate import SimulatedObservations, simulate_field, simulate_observations
 from helio_py._status import Status, status_words
 from helio_py._sun import SunPosition
+
+# Records of others: read by modules that nothing else needs, imported where they are first asked for.
+if _TYPE_CHECKING:
+    from helio_py._paint import Paint, convert_paint
+
+
+def __getattr__(name: str) -> object:
+    if name in ("Paint", "convert_paint"):
+        from helio_py import _paint
+
+        return getattr(_paint, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
 
 if not _optimised:
     _warnings.warn("helio_py was built without optimisation: it is right, and slow", RuntimeWarning, stacklevel=2)
@@ -90,3 +109,16 @@ __all__ = [
     "sun_position",
     "track",
 ]
+__all__ += [
+    "CameraFlux",
+    "Flux",
+    "FluxAccount",
+    "FluxError",
+    "ImageError",
+    "MeshError",
+    "SlopeErrors",
+    "TargetMap",
+    "flux",
+]
+__all__ += ["Paint", "convert_paint"]
+__all__ += ["SimulatedObservations", "simulate_field", "simulate_observations"]

@@ -119,6 +119,18 @@ class ConflictError(FileError):
     """Things that are right one by one but not together."""
 
 
+class FluxError(HelioError, ValueError):
+    """Mirrors, light or a receiver of which no flux can be computed."""
+
+
+class MeshError(FluxError):
+    """A mesh that is none, or has no such mirror, or one whose deformation cannot be told."""
+
+
+class ImageError(HelioError, ValueError):
+    """A picture that cannot be read, or does not show what it should."""
+
+
 class BusyError(HelioError, RuntimeError):
     """An answer that another thread's call is writing to."""
 

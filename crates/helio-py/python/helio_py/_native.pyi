@@ -1,4 +1,4 @@
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any, Final, final
@@ -6,6 +6,7 @@ from typing import Any, Final, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from helio_py._flux import FluxAccount, SlopeErrors
 from helio_py._sun import SunPosition
 
 __version__: Final[str]
@@ -199,3 +200,81 @@ class Drive:
     def quantised_rad(self, angle_rad: ArrayLike) -> Any: ...
     @property
     def range_rad(self) -> tuple[float, float]: ...
+
+def _flux_mesh(
+    asked: dict[str, Any],
+    nodes: ArrayLike | None,
+    corners: list[list[int]],
+    displacements: ArrayLike | None,
+    scene: dict[str, Any],
+    progress: Callable[[int, int], Any] | None,
+) -> Flux: ...
+def _flux_field(
+    field: Field,
+    scene: dict[str, Any],
+    sun_azimuth_rad: float,
+    sun_elevation_rad: float,
+    unix_ns: int | None,
+    progress: Callable[[int, int], Any] | None,
+) -> Flux: ...
+def _flux_camera(
+    path: str | PathLike[str] | None,
+    gray: ArrayLike | None,
+    white: float | None,
+    gauge: list[float],
+    dark: float,
+    target: str | PathLike[str] | None,
+) -> Any: ...
+
+@final
+class Flux:
+    @property
+    def flux_w_m2(self) -> NDArray[np.float64]: ...
+    @property
+    def shape(self) -> tuple[int, int]: ...
+    @property
+    def area_m2(self) -> NDArray[np.float64]: ...
+    @property
+    def u_m(self) -> NDArray[np.float64]: ...
+    @property
+    def v_m(self) -> NDArray[np.float64]: ...
+    @property
+    def centre_m(self) -> NDArray[np.float64]: ...
+    @property
+    def peak_w_m2(self) -> float: ...
+    @property
+    def peak_bin(self) -> tuple[int, int]: ...
+    @property
+    def mean_w_m2(self) -> float: ...
+    @property
+    def dni_w_m2(self) -> float: ...
+    @property
+    def account(self) -> FluxAccount: ...
+    @property
+    def status(self) -> NDArray[np.uint8] | None: ...
+    @property
+    def slopes(self) -> SlopeErrors | None: ...
+    @property
+    def warnings(self) -> list[str]: ...
+    def to_table(self) -> dict[str, NDArray[Any]]: ...
+    def write(self, path: str | PathLike[str]) -> None: ...
+    def write_slopes(self, path: str | PathLike[str]) -> None: ...
+
+def _simulate_field(
+    heliostats: int,
+    layout: str,
+    tower_height_m: float,
+    mirror_width_m: float,
+    mirror_height_m: float,
+    pivot_height_m: float,
+) -> dict[str, Any]: ...
+def _simulate_observations(
+    field: Field, asked: dict[str, Any], progress: Callable[[int, int], Any] | None
+) -> _Campaign: ...
+
+@final
+class _Campaign:
+    def observations(self) -> dict[str, Any]: ...
+    def truth(self) -> dict[str, Any]: ...
+    def unseen(self) -> list[str]: ...
+    def write(self, path: str | PathLike[str], truth: bool) -> None: ...

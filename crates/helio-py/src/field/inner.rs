@@ -94,7 +94,7 @@ impl Inner {
         Ok(made)
     }
 
-    fn loaded(&self) -> Option<&LoadedField> {
+    pub(crate) fn loaded(&self) -> Option<&LoadedField> {
         match &self.source {
             Source::Columns(_) => None,
             Source::Files { loaded, .. } => Some(loaded),

@@ -1,13 +1,11 @@
 //! From a camera's gray values to W/m², by one reading of a gauge.
 
-use std::io::Read;
 use std::path::Path;
 
 use helio_flux::gauge::{GrayScale, GrayView, LAMBERTIAN, LambertianCheck, Reading, direct_w_m2};
 use helio_io::output::Cells;
-use helio_io::{CameraTarget, IoError, load_target};
+use helio_io::{GrayPicture, TargetFlux, load_target};
 use helio_report::flux::{GridMap, MapText, Surface};
-use helio_spot::{Frame, Limits, Plane, decode};
 use serde_json::{Value, json};
 
 use super::outputs::Outputs;
@@ -18,59 +16,10 @@ use crate::args::FluxArgs;
 use crate::failure::Failure;
 use crate::printer::{Counted, Printer};
 
-/// No camera writes larger files \[bytes\].
-const MOST_BYTES: u64 = 1 << 30;
 /// Patches along each side of a view that is compared with another.
 const PATCHES: usize = 8;
-/// Columns of the grid that a target in a picture is cut into.
-const COLUMNS: usize = 100;
-/// Points along each side of such a bin.
-const POINTS: usize = 4;
-
-/// Gray values of a frame.
-struct Picture {
-    rows: usize,
-    columns: usize,
-    gray: Vec<f64>,
-    /// The greatest that its format can hold.
-    most: f64,
-}
-
-impl Picture {
-    fn read(path: &Path) -> Result<Self, Failure> {
-        let mut bytes = Vec::new();
-        let refuse = |message: String| Failure::refused(format!("{}: {message}", path.display()));
-        std::fs::File::open(path)
-            .and_then(|file| file.take(MOST_BYTES + 1).read_to_end(&mut bytes))
-            .map_err(|error| IoError::read(path, error))?;
-        if bytes.len() as u64 > MOST_BYTES {
-            return Err(refuse("more than 1 GiB of file".to_owned()));
-        }
-        let frame =
-            decode(&bytes, &Limits::default()).map_err(|error| refuse(error.to_string()))?;
-        let (columns, rows, gray, most) = match frame {
-            Frame::Gray8(picture) => {
-                let (width, height) = (picture.view().width(), picture.view().height());
-                let gray = picture.into_pixels().into_iter().map(f64::from).collect();
-                (width, height, gray, 255.0)
-            }
-            Frame::Gray16(picture) => {
-                let (width, height) = (picture.view().width(), picture.view().height());
-                let gray = picture.into_pixels().into_iter().map(f64::from).collect();
-                (width, height, gray, 65_535.0)
-            }
-        };
-        Ok(Self {
-            rows,
-            columns,
-            gray,
-            most,
-        })
-    }
-
-    fn view(&self) -> Result<GrayView<'_, f64>, Failure> {
-        Ok(GrayView::new(self.rows, self.columns, &self.gray)?)
-    }
+fn view(picture: &GrayPicture) -> Result<GrayView<'_, f64>, Failure> {
+    Ok(GrayView::new(picture.rows, picture.columns, &picture.gray)?)
 }
 
 pub(super) fn run(frame: &Path, args: &FluxArgs, printer: &Printer) -> Result<Outcome, Failure> {
@@ -89,7 +38,7 @@ pub(super) fn run(frame: &Path, args: &FluxArgs, printer: &Printer) -> Result<Ou
             "--plot: a picture has no metres of its own; wanted --target",
         ));
     }
-    let picture = Picture::read(frame)?;
+    let picture = GrayPicture::read(frame)?;
     let white = typed.white.unwrap_or(picture.most);
     let reading = Reading {
         row_px: gauge.y_px,
@@ -97,7 +46,7 @@ pub(super) fn run(frame: &Path, args: &FluxArgs, printer: &Printer) -> Result<Ou
         radius_px: gauge.radius_px,
         flux_w_m2: gauge.flux_w_m2,
     };
-    let view = picture.view()?;
+    let view = view(&picture)?;
     let scale = GrayScale::by_reading(&view, &reading, typed.dark, white)
         .map_err(|error| Failure::refused(format!("{}: {error}", frame.display())))?;
     let image = scale.apply(&view);
@@ -120,7 +69,12 @@ pub(super) fn run(frame: &Path, args: &FluxArgs, printer: &Printer) -> Result<Ou
         _ => None,
     };
     let seen = match &target {
-        Some(target) => Some(Seen::of(target, &picture, &image.irradiance_w_m2, frame)?),
+        Some(target) => {
+            let size_px = [picture.rows, picture.columns];
+            let seen = TargetFlux::of(target, size_px, &image.irradiance_w_m2);
+            let refuse = |message| Failure::refused(format!("{}: {message}", frame.display()));
+            Some(seen.map_err(refuse)?)
+        }
         None => None,
     };
     let peak = peak_of(seen.as_ref(), &image.irradiance_w_m2, picture.columns);
@@ -163,7 +117,7 @@ pub(super) fn run(frame: &Path, args: &FluxArgs, printer: &Printer) -> Result<Ou
         "dni_w_m2": dni_w_m2,
         "peak_flux_w_m2": peak.0,
         "peak_concentration": suns(peak.0),
-        "target": seen.as_ref().map(|seen| seen.json(dni_w_m2)),
+        "target": seen.as_ref().map(|seen| json_of(seen, dni_w_m2)),
         "lambertian": check,
         "files": super::hashes(&inputs)?,
         "version": env!("CARGO_PKG_VERSION"),
@@ -173,8 +127,8 @@ pub(super) fn run(frame: &Path, args: &FluxArgs, printer: &Printer) -> Result<Ou
 }
 
 fn lambertian(front: &Path, aside: &Path, dark: f64, printer: &Printer) -> Result<Value, Failure> {
-    let (one, other) = (Picture::read(front)?, Picture::read(aside)?);
-    let check = LambertianCheck::of_views(&one.view()?, &other.view()?, PATCHES, dark).map_err(
+    let (one, other) = (GrayPicture::read(front)?, GrayPicture::read(aside)?);
+    let check = LambertianCheck::of_views(&view(&one)?, &view(&other)?, PATCHES, dark).map_err(
         |error| {
             Failure::refused(format!(
                 "{} and {}: {error}",
@@ -204,127 +158,39 @@ fn lambertian(front: &Path, aside: &Path, dark: f64, printer: &Printer) -> Resul
     }))
 }
 
-/// A target as the picture shows it, in bins of its own.
-struct Seen {
-    rows: usize,
-    columns: usize,
-    size_m: [f64; 2],
-    /// NaN where the picture does not show it.
-    flux_w_m2: Vec<f64>,
+fn json_of(seen: &TargetFlux, dni_w_m2: Option<f64>) -> Value {
+    let count = seen.known().count();
+    let mean_w_m2 = seen.known().map(|(_, flux)| flux).sum::<f64>() / count as f64;
+    let (most, at_m) = peak(seen);
+    json!({
+        "width_m": seen.size_m[0],
+        "height_m": seen.size_m[1],
+        "rows": seen.rows,
+        "columns": seen.columns,
+        "bins_not_seen": seen.flux_w_m2.len() - count,
+        "power_w": seen.known().map(|(_, flux)| flux * seen.bin_m2()).sum::<f64>(),
+        "mean_flux_w_m2": mean_w_m2,
+        "mean_concentration": dni_w_m2.filter(|dni| *dni > 0.0).map(|dni| mean_w_m2 / dni),
+        "peak_u_v_m": (most > 0.0).then_some(at_m),
+    })
 }
 
-impl Seen {
-    fn of(
-        target: &CameraTarget,
-        picture: &Picture,
-        flux_w_m2: &[f64],
-        frame: &Path,
-    ) -> Result<Self, Failure> {
-        let refuse = |message: String| Failure::refused(format!("{}: {message}", frame.display()));
-        if let Some(reason) = target.refuses_size(picture.columns, picture.rows) {
-            return Err(refuse(reason));
-        }
-        let Some(plane) = &target.plane else {
-            return Err(refuse(
-                "the target's corners are not known; wanted corners_px in target.toml".to_owned(),
-            ));
-        };
-        let size_m = [target.board.width_m, target.board.height_m];
-        let rows = (COLUMNS as f64 * size_m[1] / size_m[0]).round();
-        let rows = rows.clamp(1.0, 10_000.0) as usize;
-        let mut seen = Self {
-            rows,
-            columns: COLUMNS,
-            size_m,
-            flux_w_m2: Vec::with_capacity(rows * COLUMNS),
-        };
-        for bin in 0..rows * COLUMNS {
-            let mean = seen.mean_of(bin, plane, picture, flux_w_m2);
-            seen.flux_w_m2.push(mean);
-        }
-        if seen.flux_w_m2.iter().all(|flux| flux.is_nan()) {
-            return Err(refuse("the picture does not show the target".to_owned()));
-        }
-        Ok(seen)
-    }
-
-    /// Mean over points of a bin, each as the pixel that shows it.
-    fn mean_of(&self, bin: usize, plane: &Plane, picture: &Picture, flux_w_m2: &[f64]) -> f64 {
-        let (row, column) = (bin / self.columns, bin % self.columns);
-        let mut sum = 0.0;
-        for point in 0..POINTS * POINTS {
-            let part = |k: usize| (k as f64 + 0.5) / POINTS as f64;
-            let across = (column as f64 + part(point % POINTS)) / self.columns as f64;
-            let down = (row as f64 + part(point / POINTS)) / self.rows as f64;
-            let at_m = [
-                (across - 0.5) * self.size_m[0],
-                (down - 0.5) * self.size_m[1],
-            ];
-            let Some([x, y]) = plane.to_pixels(at_m) else {
-                return f64::NAN;
-            };
-            let (x, y) = (x.round(), y.round());
-            let inside =
-                x >= 0.0 && y >= 0.0 && x < picture.columns as f64 && y < picture.rows as f64;
-            if !inside {
-                return f64::NAN;
-            }
-            sum += flux_w_m2[y as usize * picture.columns + x as usize];
-        }
-        sum / (POINTS * POINTS) as f64
-    }
-
-    fn uv_m(&self, bin: usize) -> [f64; 2] {
-        let part = |k: usize, count: usize| (k as f64 + 0.5) / count as f64 - 0.5;
-        [
-            part(bin % self.columns, self.columns) * self.size_m[0],
-            part(bin / self.columns, self.rows) * self.size_m[1],
-        ]
-    }
-
-    fn bin_m2(&self) -> f64 {
-        self.size_m[0] * self.size_m[1] / (self.rows * self.columns) as f64
-    }
-
-    fn known(&self) -> impl Iterator<Item = (usize, f64)> {
-        let all = self.flux_w_m2.iter().copied().enumerate();
-        all.filter(|(_, flux)| !flux.is_nan())
-    }
-
-    fn json(&self, dni_w_m2: Option<f64>) -> Value {
-        let count = self.known().count();
-        let mean_w_m2 = self.known().map(|(_, flux)| flux).sum::<f64>() / count as f64;
-        let (most, at_m) = self.peak();
-        json!({
-            "width_m": self.size_m[0],
-            "height_m": self.size_m[1],
-            "rows": self.rows,
-            "columns": self.columns,
-            "bins_not_seen": self.flux_w_m2.len() - count,
-            "power_w": self.known().map(|(_, flux)| flux * self.bin_m2()).sum::<f64>(),
-            "mean_flux_w_m2": mean_w_m2,
-            "mean_concentration": dni_w_m2.filter(|dni| *dni > 0.0).map(|dni| mean_w_m2 / dni),
-            "peak_u_v_m": (most > 0.0).then_some(at_m),
-        })
-    }
-
-    fn peak(&self) -> (f64, [f64; 2]) {
-        let most = self
-            .known()
-            .fold(None, |best: Option<(usize, f64)>, one| match best {
-                Some(best) if best.1 >= one.1 => Some(best),
-                _ => Some(one),
-            });
-        most.map_or((f64::NAN, [f64::NAN; 2]), |(bin, flux)| {
-            (flux, self.uv_m(bin))
-        })
-    }
+fn peak(seen: &TargetFlux) -> (f64, [f64; 2]) {
+    let most = seen
+        .known()
+        .fold(None, |best: Option<(usize, f64)>, one| match best {
+            Some(best) if best.1 >= one.1 => Some(best),
+            _ => Some(one),
+        });
+    most.map_or((f64::NAN, [f64::NAN; 2]), |(bin, flux)| {
+        (flux, seen.uv_m(bin))
+    })
 }
 
 /// The greatest flux and where it is, in words.
-fn peak_of(seen: Option<&Seen>, flux_w_m2: &[f64], columns: usize) -> (f64, String) {
+fn peak_of(seen: Option<&TargetFlux>, flux_w_m2: &[f64], columns: usize) -> (f64, String) {
     if let Some(seen) = seen {
-        let (flux, [u_m, v_m]) = seen.peak();
+        let (flux, [u_m, v_m]) = peak(seen);
         return (flux, format!("u {u_m:.3} m, v {v_m:.3} m"));
     }
     let mut best = (f64::NEG_INFINITY, 0);
@@ -340,10 +206,10 @@ fn peak_of(seen: Option<&Seen>, flux_w_m2: &[f64], columns: usize) -> (f64, Stri
 fn write_map(
     outputs: &Outputs<'_>,
     args: &FluxArgs,
-    picture: &Picture,
+    picture: &GrayPicture,
     flux_w_m2: &[f64],
     white: f64,
-    seen: Option<&Seen>,
+    seen: Option<&TargetFlux>,
     printer: &Printer,
 ) -> Result<(), Failure> {
     let Some(path) = &args.out else {
@@ -389,7 +255,11 @@ fn write_map(
     }
 }
 
-fn plot<'a>(frame: &Path, seen: Option<&Seen>, dni_w_m2: Option<f64>) -> Result<Plot<'a>, Failure> {
+fn plot<'a>(
+    frame: &Path,
+    seen: Option<&TargetFlux>,
+    dni_w_m2: Option<f64>,
+) -> Result<Plot<'a>, Failure> {
     let Some(seen) = seen else {
         // Refused before.
         return Err(Failure::refused("--plot: wanted --target"));

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use helio_flux::{FluxMap, Receiver};
 use helio_io::output::{Cells, Destination, Format, write_columns};
-use helio_io::{AtomicFile, IoError, write_file};
+use helio_io::{AtomicFile, IoError, write_file, write_flux_map};
 use serde_json::Value;
 
 use super::summary::text_of;
@@ -125,30 +125,9 @@ impl<'a> Outputs<'a> {
         match self.format {
             MapFormat::Vtk => whole(path, |out| helio_flux::map::write_vtk(out, receiver, map)),
             MapFormat::Table(format) => {
-                let bins = 0..receiver.bins();
-                let at = |of: &dyn Fn(usize) -> f64| -> Vec<f64> { bins.clone().map(of).collect() };
-                let uv = |k: usize| at(&|bin| receiver.bin_uv_m(bin).map_or(f64::NAN, |uv| uv[k]));
-                let point = |k: usize| at(&|bin| receiver.bin_centre_m(bin)[k]);
-                let columns = receiver.columns();
-                let whole = |of: &dyn Fn(usize) -> usize| -> Vec<Option<i64>> {
-                    let cell = |bin| i64::try_from(of(bin)).ok();
-                    bins.clone().map(cell).collect()
-                };
-                let cells = [
-                    ("row", Cells::Whole(&whole(&|bin| bin / columns))),
-                    ("column", Cells::Whole(&whole(&|bin| bin % columns))),
-                    ("u_m", Cells::Numbers(&uv(0))),
-                    ("v_m", Cells::Numbers(&uv(1))),
-                    (axes[0], Cells::Numbers(&point(0))),
-                    (axes[1], Cells::Numbers(&point(1))),
-                    (axes[2], Cells::Numbers(&point(2))),
-                    (
-                        "area_m2",
-                        Cells::Numbers(&at(&|bin| receiver.bin_area_m2(bin))),
-                    ),
-                    ("flux_w_m2", Cells::Numbers(map.irradiance_w_m2())),
-                ];
-                self.table(path, format, &cells, printer)
+                let destination = Self::destination(path, printer);
+                write_flux_map(destination, format, receiver, map, axes)?;
+                Ok(())
             }
         }
     }
@@ -161,13 +140,16 @@ impl<'a> Outputs<'a> {
         columns: &[(&str, Cells<'_>)],
         printer: &Printer,
     ) -> Result<(), Failure> {
-        let destination = if plan::is_stdout(path) {
+        write_columns(Self::destination(path, printer), format, columns)?;
+        Ok(())
+    }
+
+    fn destination(path: &Path, printer: &Printer) -> Destination {
+        if plan::is_stdout(path) {
             printer.stdout_table()
         } else {
             Destination::File(path.to_owned())
-        };
-        write_columns(destination, format, columns)?;
-        Ok(())
+        }
     }
 
     /// The format of a table that is no map of a receiver's bins.

@@ -3,11 +3,8 @@
 use std::sync::Mutex;
 use std::sync::atomic::Ordering;
 
-use helio_flux::{
-    Choice, ConvolveOptions, Element, FluxMap, RayOptions, Rays, Scene, Way, choose_way,
-    convolve_watched, peak_error, trace_rays_watched,
-};
-use helio_io::{FluxScene, SceneMethod};
+use helio_flux::{Choice, Element, FluxMap, Scene, Way, peak_error};
+use helio_io::FluxScene;
 use serde_json::{Value, json};
 
 use crate::commands::track::stop_on_signals;
@@ -60,14 +57,7 @@ pub(super) fn light(
     printer: &Printer,
 ) -> Result<(FluxMap, Taken), Failure> {
     let shape = scene.sun.form.shape()?;
-    let lit = Scene {
-        elements,
-        receiver: &scene.receiver,
-        sun,
-        dni_w_m2: scene.sun.dni_w_m2,
-        sun_shape: &shape,
-        optical_error: scene.mirror.error,
-    };
+    let lit = scene.lit(elements, sun, &shape);
     let (way, choice) = way(scene, &lit, threads, printer)?;
     let stop = stop_on_signals();
     let progress = Mutex::new(None);
@@ -83,26 +73,7 @@ pub(super) fn light(
         }
         !stop.load(Ordering::Relaxed)
     };
-    let map = match way {
-        Way::Convolution(points) => {
-            let options = ConvolveOptions {
-                points,
-                threads,
-                ..ConvolveOptions::default()
-            };
-            convolve_watched(&lit, &options, &watch)?
-        }
-        Way::Rays(count) => {
-            let options = RayOptions {
-                rays: Rays::Total(count),
-                seed: scene.rays.seed,
-                threads,
-                ..RayOptions::default()
-            };
-            trace_rays_watched(&lit, &options, &watch)?
-        }
-        other => return Err(Failure::refused(format!("flux: no way {other:?}"))),
-    };
+    let map = scene.by_way(&lit, way, threads, &watch)?;
     let Some(map) = map else {
         return Err(Failure::Interrupted { streamed: false });
     };
@@ -131,16 +102,7 @@ fn way(
     threads: usize,
     printer: &Printer,
 ) -> Result<(Way, Option<Choice>), Failure> {
-    let rays = &scene.rays;
-    let choice = match rays.method {
-        SceneMethod::Auto => Some(choose_way(lit, rays.error, rays.seed, threads)?),
-        _ => None,
-    };
-    let way = match (&choice, rays.method) {
-        (Some(choice), _) => choice.way,
-        (None, SceneMethod::Convolve) => Way::Convolution(rays.points),
-        _ => Way::Rays(rays.count),
-    };
+    let (way, choice) = scene.way(lit, threads)?;
     match (way, &choice) {
         (Way::Convolution(_), Some(choice)) => printer.say(format_args!(
             "by convolution: {}; a pilot of rays saw no mirror shade or block another",

@@ -1,0 +1,327 @@
+//! `Flux`: the irradiance of a receiver, and where the rest of the light went.
+
+use std::ffi::OsStr;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use helio_core::Status;
+use helio_flux::deform::{write_csv, write_vtk as write_slopes_vtk};
+use helio_flux::map::write_vtk;
+use helio_flux::mesh::Mirror;
+use helio_flux::{FluxMap, Receiver};
+use helio_io::output::{Destination, Format};
+use helio_io::{AtomicFile, FluxScene, IoError, write_flux_map};
+use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use pyo3::types::PyDict;
+
+use super::mesh::Shape;
+use crate::array::owned;
+use crate::failure::Failure;
+use crate::guard::guarded;
+
+/// Irradiance of every bin of a receiver, and where the rest of the light went: what `flux` returns.
+///
+/// Rows and columns are those of the receiver as a camera facing its lit side sees it: rows from the top, columns
+/// from the left. A receiver that is a mesh has one row, and a column for each triangle. Places are in the frame of
+/// the mirrors: that of the model for a mesh, east, north, up for a field.
+#[pyclass(frozen, name = "Flux", module = "helio_py")]
+pub(crate) struct PyFlux {
+    receiver: Receiver,
+    map: FluxMap,
+    dni_w_m2: f64,
+    axes: [&'static str; 3],
+    status: Option<Vec<u8>>,
+    slopes: Option<(Shape, Mirror)>,
+    warnings: Vec<String>,
+}
+
+impl PyFlux {
+    pub(super) fn of_field(scene: FluxScene, map: FluxMap, status: Vec<Status>) -> Self {
+        let status = status.into_iter().map(|status| status as u8).collect();
+        let axes = ["east_m", "north_m", "up_m"];
+        Self::new(scene, map, axes, Some(status), Vec::new())
+    }
+
+    pub(super) fn of_mesh(scene: FluxScene, map: FluxMap, warnings: Vec<String>) -> Self {
+        Self::new(scene, map, ["x_m", "y_m", "z_m"], None, warnings)
+    }
+
+    fn new(
+        scene: FluxScene,
+        map: FluxMap,
+        axes: [&'static str; 3],
+        status: Option<Vec<u8>>,
+        more: Vec<String>,
+    ) -> Self {
+        let mut warnings = scene.warnings;
+        warnings.extend(more);
+        Self {
+            receiver: scene.receiver,
+            map,
+            dni_w_m2: scene.sun.dni_w_m2,
+            axes,
+            status,
+            slopes: None,
+            warnings,
+        }
+    }
+
+    pub(super) fn add_slopes(&mut self, shape: Option<Shape>, mirror: Mirror) {
+        self.slopes = shape.map(|shape| (shape, mirror));
+    }
+
+    fn grid(&self) -> [usize; 2] {
+        [self.receiver.rows(), self.receiver.columns()]
+    }
+
+    fn column<'py>(
+        &self,
+        py: Python<'py>,
+        of: impl Fn(usize) -> f64,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        guarded(|| {
+            let numbers = (0..self.receiver.bins()).map(of).collect();
+            owned(py, numbers, &self.grid())
+        })
+    }
+
+    fn uv_m(&self, axis: usize) -> impl Fn(usize) -> f64 + '_ {
+        move |bin| self.receiver.bin_uv_m(bin).map_or(f64::NAN, |uv| uv[axis])
+    }
+}
+
+#[pymethods]
+impl PyFlux {
+    /// Irradiance of the bins [W/m²], of shape (rows, columns): a copy.
+    #[getter]
+    fn flux_w_m2<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        guarded(|| owned(py, self.map.irradiance_w_m2().to_vec(), &self.grid()))
+    }
+
+    /// Rows and columns of the receiver's grid.
+    #[getter]
+    fn shape(&self) -> (usize, usize) {
+        (self.receiver.rows(), self.receiver.columns())
+    }
+
+    /// Areas of the bins [m²], of shape (rows, columns): a copy.
+    #[getter]
+    fn area_m2<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.column(py, |bin| self.receiver.bin_area_m2(bin))
+    }
+
+    /// How far right the middle of each bin is on the receiver laid flat [m], of shape (rows, columns): a copy. On a
+    /// plane it counts from the centre, on a cylinder or cone it is the arc from where the first column begins; NaN on a
+    /// mesh.
+    #[getter]
+    fn u_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.column(py, self.uv_m(0))
+    }
+
+    /// How far down it is [m]: from the centre of a plane, from the upper edge of a cylinder or cone; NaN on a mesh.
+    #[getter]
+    fn v_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.column(py, self.uv_m(1))
+    }
+
+    /// Middle of each bin in space [m], of shape (rows, columns, 3): a copy.
+    #[getter]
+    fn centre_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        guarded(|| {
+            let bins = 0..self.receiver.bins();
+            let flat = bins.flat_map(|bin| self.receiver.bin_centre_m(bin));
+            let [rows, columns] = self.grid();
+            owned(py, flat.collect::<Vec<f64>>(), &[rows, columns, 3])
+        })
+    }
+
+    /// The greatest irradiance [W/m²].
+    #[getter]
+    fn peak_w_m2(&self) -> f64 {
+        self.map.peak().0
+    }
+
+    /// Row and column of the greatest irradiance; the first of equals.
+    #[getter]
+    fn peak_bin(&self) -> (usize, usize) {
+        let bin = self.map.peak().1;
+        (bin / self.receiver.columns(), bin % self.receiver.columns())
+    }
+
+    /// Power received over the receiver's area [W/m²].
+    #[getter]
+    fn mean_w_m2(&self) -> f64 {
+        self.map.account().received_w / self.receiver.area_m2()
+    }
+
+    /// Direct normal irradiance that the mirrors were lit with [W/m²].
+    #[getter]
+    fn dni_w_m2(&self) -> f64 {
+        self.dni_w_m2
+    }
+
+    /// Where the light went: a `FluxAccount`.
+    #[getter]
+    fn account<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        static CLASS: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+        let a = self.map.account();
+        CLASS.import(py, "helio_py._flux", "FluxAccount")?.call1((
+            a.mirror_w,
+            a.incoming_w,
+            a.shaded_w,
+            a.reflection_loss_w,
+            a.blocked_w,
+            a.spilled_w,
+            a.received_w,
+            a.rays,
+            a.turned_away,
+        ))
+    }
+
+    /// Status of each heliostat of a field, of shape (n,), numbers of `Status`: a copy. None for a mesh.
+    #[getter]
+    fn status<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        guarded(|| {
+            let Some(status) = &self.status else {
+                return Ok(None);
+            };
+            Ok(Some(owned(py, status.clone(), &[status.len()])?))
+        })
+    }
+
+    /// How far the load of a mesh turns the normals of its faces: a `SlopeErrors`; None without a load.
+    #[getter]
+    fn slopes<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        static CLASS: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+        guarded(|| {
+            let Some((shape, _)) = &self.slopes else {
+                return Ok(None);
+            };
+            let slopes = &shape.slopes;
+            let faces = slopes.area_m2().len();
+            let column = |numbers: &[f64]| owned(py, numbers.to_vec(), &[faces]);
+            let words = shape.deformed.status().iter().map(|status| status.word());
+            let found = CLASS.import(py, "helio_py._flux", "SlopeErrors")?.call1((
+                owned(py, slopes.element_ids().to_vec(), &[faces])?,
+                column(slopes.area_m2())?,
+                column(slopes.total_rad())?,
+                column(slopes.first_rad())?,
+                column(slopes.second_rad())?,
+                column(slopes.moved_m())?,
+                words.collect::<Vec<_>>(),
+                slopes.rms_rad(),
+                slopes.rms_first_rad(),
+                slopes.rms_second_rad(),
+            ))?;
+            Ok(Some(found))
+        })
+    }
+
+    /// Things worth saying about scene and mesh, that stop nothing.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.warnings.clone()
+    }
+
+    /// The map as columns, a row for each bin: a dict of arrays `row, column, u_m, v_m`, the middle of the bin (`x_m,
+    /// y_m, z_m` for a mesh, `east_m, north_m, up_m` for a field), `area_m2, flux_w_m2`. pandas, polars and pyarrow
+    /// make a table of it as it is.
+    fn to_table<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        guarded(|| {
+            let bins = self.receiver.bins();
+            let columns = self.receiver.columns();
+            let whole = |of: fn(usize, usize) -> usize| {
+                let cell = |bin| i64::try_from(of(bin, columns)).unwrap_or(i64::MAX);
+                owned(py, (0..bins).map(cell).collect(), &[bins])
+            };
+            let table = PyDict::new(py);
+            table.set_item("row", whole(|bin, columns| bin / columns)?)?;
+            table.set_item("column", whole(|bin, columns| bin % columns)?)?;
+            let numbers =
+                |of: &dyn Fn(usize) -> f64| owned(py, (0..bins).map(of).collect(), &[bins]);
+            table.set_item("u_m", numbers(&self.uv_m(0))?)?;
+            table.set_item("v_m", numbers(&self.uv_m(1))?)?;
+            for (axis, name) in self.axes.into_iter().enumerate() {
+                table.set_item(name, numbers(&|bin| self.receiver.bin_centre_m(bin)[axis])?)?;
+            }
+            table.set_item("area_m2", numbers(&|bin| self.receiver.bin_area_m2(bin))?)?;
+            table.set_item(
+                "flux_w_m2",
+                numbers(&|bin| self.map.irradiance_w_m2()[bin])?,
+            )?;
+            Ok(table)
+        })
+    }
+
+    /// Writes the map as `helio-rs flux --out` does, by the suffix of the path: .csv, .parquet, .json, .jsonl, or .vtk
+    /// for ParaView. The file appears whole or not at all.
+    #[pyo3(signature = (path))]
+    fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        guarded(|| {
+            py.detach(|| {
+                if suffix_is(&path, "vtk") {
+                    return whole(&path, |out| write_vtk(out, &self.receiver, &self.map));
+                }
+                let Some(format) = Format::of_path(&path) else {
+                    let message = format!(
+                        "{}: the suffix stands for no format; wanted .csv, .parquet, .json, .jsonl or .vtk",
+                        path.display()
+                    );
+                    return Err(Failure::of("OptionError", "path", message));
+                };
+                let destination = Destination::File(path);
+                write_flux_map(destination, format, &self.receiver, &self.map, self.axes)?;
+                Ok(())
+            })
+        })
+    }
+
+    /// Writes the slope errors as `helio-rs flux --slopes` does: .csv, or .vtk for ParaView.
+    #[pyo3(signature = (path))]
+    fn write_slopes(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        guarded(|| {
+            let Some((shape, mirror)) = &self.slopes else {
+                let message = "there are no slope errors: the mirror is no mesh with displacements";
+                return Err(Failure::new("OptionError", message));
+            };
+            py.detach(|| {
+                if suffix_is(&path, "vtk") {
+                    whole(&path, |out| write_slopes_vtk(out, mirror, &shape.slopes))
+                } else if suffix_is(&path, "csv") {
+                    whole(&path, |out| write_csv(out, &shape.deformed, &shape.slopes))
+                } else {
+                    let message = format!("{}: wanted .csv or .vtk", path.display());
+                    Err(Failure::of("OptionError", "path", message))
+                }
+            })
+        })
+    }
+
+    fn __repr__(&self) -> String {
+        let [rows, columns] = self.grid();
+        format!(
+            "<Flux of {rows} by {columns} bins, peak {:.1} W/m²>",
+            self.map.peak().0
+        )
+    }
+}
+
+fn suffix_is(path: &Path, wanted: &str) -> bool {
+    let suffix = path.extension().map(OsStr::to_ascii_lowercase);
+    suffix.is_some_and(|suffix| suffix == wanted)
+}
+
+/// Writes a file that appears whole or not at all.
+fn whole(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<&mut AtomicFile>) -> std::io::Result<()>,
+) -> Result<(), Failure> {
+    let mut file = AtomicFile::create(path)?;
+    let mut out = BufWriter::new(&mut file);
+    write(&mut out)
+        .and_then(|()| out.flush())
+        .map_err(|error| IoError::write(path, error))?;
+    drop(out);
+    Ok(file.finish()?)
+}
