@@ -165,6 +165,9 @@ impl From<SimulateError> for Failure {
     }
 }
 
+/// One of a mount's errors \[rad\].
+type ErrorOf = fn(&helio_core::MountErrors) -> f64;
+
 /// A simulated campaign, for `helio_py.SimulatedObservations`.
 #[pyclass(frozen, name = "_Campaign", module = "helio_py._native")]
 pub(crate) struct PyCampaign {
@@ -216,7 +219,7 @@ impl PyCampaign {
                 .collect();
             let table = PyDict::new(py);
             table.set_item("id", ids)?;
-            let columns: [(&str, fn(&helio_core::MountErrors) -> f64); 6] = [
+            let columns: [(&str, ErrorOf); 6] = [
                 ("pedestal_tilt_rad", |e| e.pedestal_tilt_rad),
                 ("pedestal_tilt_azimuth_rad", |e| e.pedestal_tilt_azimuth_rad),
                 ("axis_nonorthogonality_rad", |e| e.axis_nonorthogonality_rad),
