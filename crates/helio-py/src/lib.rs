@@ -3,9 +3,9 @@
 //! The package's own documentation is in its doc strings, which begin here as the comments above each
 //! function and class, in the form that Python's readers know (numpydoc).
 //!
-//! One file per subject: `field`, `track`, `forward`, `sun`, `drive`; below them what they
-//! share: `array` (NumPy in and out), `failure` (errors), `pool` (threads, and forks), `guard`
-//! (panics), `slab` (memory of answers).
+//! One file per subject: `field`, `track`, `forward`, `sun`, `drive`, `predict`, `calibrate`; below them what they
+//! share: `array` (NumPy in and out), `table` (tables in and out), `failure` (errors), `pool` (threads, and forks),
+//! `guard` (panics), `watch` (long work), `slab` (memory of answers).
 
 #![allow(
     clippy::too_many_arguments,
@@ -13,15 +13,19 @@
 )]
 
 mod array;
+mod calibrate;
 mod drive;
 mod failure;
 mod field;
 mod forward;
 mod guard;
 mod pool;
+mod predict;
 mod slab;
 mod sun;
+mod table;
 mod track;
+mod watch;
 
 use pyo3::prelude::*;
 
@@ -40,5 +44,9 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(sun::_parse_time, module)?)?;
     module.add_function(wrap_pyfunction!(array::_address_read, module)?)?;
     module.add_function(wrap_pyfunction!(guard::_panic, module)?)?;
+
+    module.add_function(wrap_pyfunction!(predict::_predict, module)?)?;
+    module.add_function(wrap_pyfunction!(calibrate::_calibrate, module)?)?;
+    module.add_function(wrap_pyfunction!(table::_write_table, module)?)?;
     Ok(())
 }

@@ -259,7 +259,7 @@ impl<'a> Campaign<'a> {
     }
 
     fn neighbours(&self, row: usize) -> Vec<(Mount, Parameters)> {
-        plan::neighbours(&self.loaded.field, row, NEIGHBOURS)
+        helio_io::calibrate::neighbours(&self.loaded.field, row, NEIGHBOURS)
             .into_iter()
             .map(|other| (self.mount(other), self.parameters(other)))
             .collect()

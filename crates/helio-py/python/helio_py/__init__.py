@@ -17,9 +17,11 @@ Every failure is a ``HelioError``; a row that cannot be computed is none, it has
 
 import warnings as _warnings
 
+from helio_py._calibrate import Calibration, calibrate
 from helio_py._errors import (
     AngleError,
     BusyError,
+    CalibrationError,
     ConflictError,
     DataTypeError,
     DriveError,
@@ -46,6 +48,7 @@ from helio_py._errors import (
     UnknownNameError,
 )
 from helio_py._native import Drive, Field, Tracking, __version__, _optimised, forward, sun_position, track
+from helio_py._predict import Prediction, predict
 from helio_py._status import Status, status_words
 from helio_py._sun import SunPosition
 
@@ -55,6 +58,8 @@ if not _optimised:
 __all__ = [
     "AngleError",
     "BusyError",
+    "Calibration",
+    "CalibrationError",
     "ConflictError",
     "DataTypeError",
     "Drive",
@@ -75,6 +80,7 @@ __all__ = [
     "NoSuchRowError",
     "OptionError",
     "OutOfMemoryError",
+    "Prediction",
     "ShapeError",
     "Status",
     "SunDirectionError",
@@ -85,7 +91,9 @@ __all__ = [
     "Tracking",
     "UnknownNameError",
     "__version__",
+    "calibrate",
     "forward",
+    "predict",
     "status_words",
     "sun_position",
     "track",
