@@ -76,14 +76,7 @@ fn of_option(message: &str) -> Failure {
         .collect();
     let first = words[0].trim_end_matches(':').to_owned();
     let rest = words[1..].join(" ");
-    if words[0].ends_with(':') {
-        return Failure::of("OptionError", &first, rest);
-    }
-    let message = format!("{} {rest}", words[0]);
-    match message.split_once(": ") {
-        Some((who, why)) => Failure::of("OptionError", &first, format_args!("{who}: {why}")),
-        None => Failure::of("OptionError", &first, message),
-    }
+    Failure::of("OptionError", &first, rest)
 }
 
 fn hash_text(text: &str) -> String {

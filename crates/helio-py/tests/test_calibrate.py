@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import concurrent.futures as futures
 import csv
+import gc
 import multiprocessing as mp
 import pickle
 import signal
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
 import helio_py as hp
@@ -114,7 +116,8 @@ CALLS: list[tuple[type[hp.HelioError], str, str | None, dict[str, Any]]] = [
     (hp.OptionError, "solver: unknown word `newton`; known are hartley-meyer, gauss-newton", "solver", {"solver": "newton"}),
     (hp.OptionError, "sets: unknown word `3`; known are 1, 2, auto", "sets", {"sets": 3}),
     (hp.OptionError, "hold: unknown parameter `tilt`", "hold", {"hold": "tilt"}),
-    (hp.OptionError, "prior mirror_tilt=0.0:-1.0: the standard deviation must be above zero", "prior", {"prior": {"mirror_tilt": (0, -1)}}),
+    (hp.OptionError, "prior: mirror_tilt=0.0:-1.0: the standard deviation must be above zero", "prior", {"prior": {"mirror_tilt": (0, -1)}}),
+    (hp.OptionError, "hold: mirror_offset and fit_mirror_offset contradict", "hold", {"hold": "mirror_offset", "fit_mirror_offset": True}),
     (hp.DataTypeError, "prior: mirror_tilt: expected a mean", "prior", {"prior": {"mirror_tilt": 3}}),
     (hp.DataTypeError, "hold: expected str", "hold", {"hold": 3}),
     (hp.DataTypeError, "progress: expected a callable", "progress", {"progress": 3}),
@@ -211,3 +214,36 @@ def test_the_interpreter_is_free_meanwhile(example: hp.Field) -> None:
             turns += 1
         assert turns > 0
         assert len(running.result()) > 0
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="Linux's own")
+def test_memory_is_flat_over_many_calls(example: hp.Field) -> None:
+    with SEEN.open() as file:
+        rows = [row for row in csv.DictReader(file) if row["heliostat_id"] == "H001"]
+    texts = ("heliostat_id", "time", "target")
+    table = {name: [row[name] if name in texts else float(row[name]) for row in rows] for name in rows[0]}
+    streamed = pa.table(table)
+    tracking = hp.track(example, 3.0, 0.8)
+    angles = tracking.azimuth_rad.copy(), tracking.elevation_rad.copy()
+
+    def calls(count: int) -> None:
+        for k in range(count):
+            found = hp.calibrate(example, streamed if k % 2 else table)
+            found.to_table("residuals")
+            for _ in range(20):
+                hp.predict(example, *angles, 3.0, 0.8)
+            with pytest.raises(hp.ShapeError):
+                hp.predict(example, angles[0][1:], angles[1], 3.0, 0.8)
+
+    def resident_kb() -> int:
+        lines = Path("/proc/self/status").read_text().splitlines()
+        return int(next(line for line in lines if line.startswith("VmRSS")).split()[1])
+
+    calls(60)
+    gc.collect()
+    counts = [sys.getrefcount(thing) for thing in (example, table, streamed, *angles)]
+    before_kb = resident_kb()
+    calls(200)
+    gc.collect()
+    assert [sys.getrefcount(thing) for thing in (example, table, streamed, *angles)] == counts
+    assert resident_kb() - before_kb < 8_000

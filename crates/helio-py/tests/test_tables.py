@@ -96,7 +96,7 @@ def test_a_table_given_back_is_taken_again(columns: dict[str, list[Any]], exampl
 
 REFUSED: list[tuple[type[hp.HelioError], str, dict[str, Any]]] = [
     (hp.UnknownNameError, "observations: unknown column `colour`", {"colour": [1]}),
-    (hp.FileValueError, "observations: row 1: heliostat `H001`: column `u_m`: must be a number", {"u_m": ["wide"]}),
+    (hp.FileValueError, "observations: row 1: heliostat `H001`: column `u_m` must be a number", {"u_m": ["wide"]}),
     (hp.TimeError, "observations: row 1: heliostat `H001`: column `time`.*no offset", {"time": ["2026-06-21T10:00:00"]}),
     (hp.FileValueError, "time without a zone", {"time": pd.Series(pd.to_datetime(["2026-06-21T10:00:00"]))}),
     (hp.ShapeError, "observations: column u_m: expected 1 rows as column heliostat_id has, got 2", {"u_m": [1.0, 2.0]}),
