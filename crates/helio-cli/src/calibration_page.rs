@@ -1,18 +1,15 @@
 //! The page of a calibration, from what the heliostats came to.
 
-use helio_calib::{
-    Mount, Observation, Parameter, Parameters, beam_errors_mrad, measures, student_t95,
-};
+use helio_calib::{Mount, Observation, Parameter, Parameters, student_t95};
 use helio_core::MountErrors;
 use helio_core::angle::degrees;
+use helio_io::calibrate::{Done, DoneSet, OK, predicted_spots};
 use helio_io::{LoadedField, Observations, Provenance};
 use helio_report::calibration::{
     CalibrationPage, EpochSection, HeliostatSection, HeliostatSummary, ParameterRow, ParameterUnit,
     Record, SECTIONS, SetChoice, SetRow, TargetOutline, Verdict, most_in_need,
 };
 
-use crate::calibration::{Done, DoneSet};
-use crate::commands::calibrate::OK;
 use crate::failure::Failure;
 
 /// What a page is made of.
@@ -155,7 +152,7 @@ impl Source<'_> {
                     && set.valid_to_ns.is_none_or(|to| ns < to)
             });
         }
-        let (before_m, before_mrad) = spots(&mount, &of.observations, &before);
+        let (before_m, before_mrad) = predicted_spots(&mount, &of.observations, &before);
         let mut after_m = vec![[f64::NAN; 2]; count];
         let mut after_mrad = vec![f64::NAN; count];
         for (epoch, set) in one
@@ -165,7 +162,7 @@ impl Source<'_> {
             .filter(|(_, set)| set.is_fitted())
         {
             let parameters = Parameters::new(&set.mount_errors(), set.mirror_offset_m.0);
-            let (spots_m, mrad) = spots(&mount, &of.observations, &parameters);
+            let (spots_m, mrad) = predicted_spots(&mount, &of.observations, &parameters);
             for row in (0..count).filter(|&row| epoch_of[row] == Some(epoch)) {
                 after_m[row] = spots_m[row];
                 after_mrad[row] = mrad[row];
@@ -261,17 +258,6 @@ fn set_row(set: &DoneSet) -> SetRow {
 /// The verdict in most need of attention.
 fn worst(sets: &[DoneSet]) -> Verdict {
     sets.iter().map(verdict_of).min().unwrap_or(Verdict::Failed)
-}
-
-/// Where the beams land \[m\] and how far off as angles \[mrad\].
-fn spots(mount: &Mount, seen: &[Observation], p: &Parameters) -> (Vec<[f64; 2]>, Vec<f64>) {
-    let (residuals_m, _) = measures(mount, seen, p);
-    let spots_m = residuals_m
-        .iter()
-        .zip(seen)
-        .map(|(r, o)| [o.u_m + r[0], o.v_m + r[1]])
-        .collect();
-    (spots_m, beam_errors_mrad(mount, seen, p))
 }
 
 fn epoch(

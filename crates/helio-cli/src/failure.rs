@@ -89,6 +89,17 @@ fn written(streamed: bool) -> &'static str {
     }
 }
 
+impl From<helio_io::calibrate::RunError> for Failure {
+    fn from(error: helio_io::calibrate::RunError) -> Self {
+        use helio_io::calibrate::RunError;
+        match error {
+            RunError::Io(error) => error.into(),
+            RunError::Calibration(error) => error.into(),
+            refused => Self::Refused(refused.to_string()),
+        }
+    }
+}
+
 impl Failure {
     pub(crate) fn refused(message: impl Into<String>) -> Self {
         Self::Refused(message.into())

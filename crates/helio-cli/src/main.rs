@@ -3,7 +3,6 @@
 //! `args` holds what was typed, `plan` what it means, `commands` does it, `printer` talks.
 
 mod args;
-mod calibration;
 mod calibration_page;
 mod clock;
 mod commands;

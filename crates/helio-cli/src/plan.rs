@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use helio_core::EnuUnit;
 use helio_core::angle::{degrees, radians};
 use helio_core::sun::{SunPositions, SunSite, positions};
+pub(crate) use helio_io::degrees_as_written;
 use helio_io::output::{Destination, Format, Layout, Moment, Moments, TableWriter};
 use helio_io::{
     IoError, LoadedField, Site, TimeRange, format_time, load_field, load_suns, parse_step,
@@ -329,20 +330,6 @@ pub(crate) fn toward(azimuth_rad: &[f64], elevation_rad: &[f64]) -> Vec<EnuUnit>
         .collect()
 }
 
-/// Degrees whose conversion gave these radians, as somebody would have written them.
-///
-/// A tenth of a degree is no double, so that degrees → radians → degrees may end a digit beside
-/// where it began; of what is converted to the same radians the shortest is meant.
-pub(crate) fn degrees_as_written(angle_rad: f64) -> f64 {
-    let exact = degrees(angle_rad);
-    let short = (exact * 1e9).round() / 1e9;
-    if radians(short) == angle_rad {
-        short
-    } else {
-        exact
-    }
-}
-
 /// The format of an output.
 pub(crate) fn format(out: Option<&Path>, word: Option<FormatWord>) -> Result<Format, Failure> {
     match (word, out.filter(|path| !is_stdout(path))) {
@@ -414,25 +401,6 @@ pub(crate) fn warn_of_lapse(loaded: &LoadedField, times: Option<(i64, i64)>, pri
     ));
 }
 
-/// Rows of the heliostats nearest to one.
-pub(crate) fn neighbours(field: &helio_core::Field, row: usize, most: usize) -> Vec<usize> {
-    let heliostats = field.heliostats();
-    let here = heliostats[row].pivot;
-    let mut others: Vec<(f64, usize)> = heliostats
-        .iter()
-        .enumerate()
-        .filter(|(other, _)| *other != row)
-        .map(|(other, heliostat)| ((heliostat.pivot - here).norm(), other))
-        .collect();
-    let nearer = |a: &(f64, usize), b: &(f64, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
-    if others.len() > most {
-        others.select_nth_unstable_by(most, nearer);
-        others.truncate(most);
-    }
-    others.sort_by(nearer);
-    others.into_iter().map(|(_, other)| other).collect()
-}
-
 /// Opens the table of a run.
 pub(crate) fn writer(
     out: &OutArgs,
@@ -477,19 +445,4 @@ pub(crate) fn not_an_input(path: &Path, inputs: &[PathBuf]) -> Result<(), Failur
         )));
     }
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn degrees_come_back_as_written() {
-        for tenths in -3600..=3600 {
-            let written = f64::from(tenths) / 10.0;
-            assert_eq!(degrees_as_written(radians(written)), written);
-        }
-        let odd = 123.456_789_012_345_67;
-        assert!((degrees_as_written(radians(odd)) - odd).abs() < 1e-13);
-    }
 }

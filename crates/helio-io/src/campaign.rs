@@ -7,7 +7,7 @@ use helio_spot::accuracy::{Limits, ShareLimit, Statements, Uncertainty, Weather}
 
 use crate::error::{IoError, Problem};
 use crate::keys::{Key, Kind};
-use crate::table::{Keyed, Naming, Table, read_text};
+use crate::table::{Keyed, Naming, Table, TableSource, read_text};
 use crate::toml::{Section, Source};
 
 const fn optional(name: &'static str, kind: Kind, about: &'static str) -> Key {
@@ -88,8 +88,8 @@ static WEATHER_COLUMNS: &[&Key] = &[
 /// assert!(weather.dni_w_m2.unwrap()[0].is_nan());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-pub fn load_weather(path: &Path) -> Result<Weather, IoError> {
-    let table = Keyed::new(Table::read(path)?, WEATHER_COLUMNS, &Naming::default())?;
+pub fn load_weather<'a>(table: impl Into<TableSource<'a>>) -> Result<Weather, IoError> {
+    let table = Keyed::new(Table::read(table)?, WEATHER_COLUMNS, &Naming::default())?;
     let rows = table.table().rows();
     let column = |key: &'static Key| -> Result<Option<Vec<f64>>, IoError> {
         if !table.has(key) {
@@ -666,7 +666,7 @@ mod tests {
                 "by height",
             ),
         ] {
-            let said = refused(load_weather, text);
+            let said = refused(|path| load_weather(path), text);
             assert!(said.contains(words), "{text}: {said}");
         }
     }

@@ -18,6 +18,7 @@
 //! what was wanted; see [`IoError`].
 
 mod atomic;
+pub mod calibrate;
 mod calibrated;
 mod campaign;
 mod error;
@@ -54,7 +55,7 @@ pub use campaign::{Campaign, Instrument, limits_toml, load_campaign, load_limits
 pub use error::{IoError, Place, Problem};
 pub use field::{
     CalibrationSchedule, Lapse, LoadedField, ObservationColumns, Site, Target, TargetArea,
-    load_field,
+    load_field, load_field_calibrated,
 };
 pub use finished::Finished;
 pub use flux::{GrayPicture, PictureError, TargetFlux, write_flux_map};
@@ -81,6 +82,6 @@ pub use spots::{SpotRow, SpotTable, load_spots, write_spots};
 pub use state::{
     KeptDrive, KeptMount, STATE_FORMAT, StateFile, read_state, state_bytes, write_state,
 };
-pub use table::PARQUET_THREAD;
+pub use table::{MemoryTable, PARQUET_THREAD, TableSource};
 pub use target::{CameraTarget, load_target, target_toml};
-pub use times::{TimeRange, format_time, parse_step, parse_time};
+pub use times::{TimeRange, degrees_as_written, format_time, parse_step, parse_time};

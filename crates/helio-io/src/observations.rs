@@ -1,7 +1,7 @@
 //! The table of observations: what cameras saw of each heliostat.
 
 use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use helio_calib::Observation;
 use helio_calib::aiming::hour_angle_rad;
@@ -16,7 +16,7 @@ use crate::joining::{Frames, NEAR_NS};
 use crate::keys;
 use crate::small::{both_or_none, driven_rad, known_heliostat, pair};
 use crate::spots::SpotTable;
-use crate::table::{Keyed, Naming, Table};
+use crate::table::{Keyed, Naming, Table, TableSource};
 use crate::times::format_time;
 
 /// Observations of a field, by heliostat, and where in the file each stands.
@@ -260,8 +260,11 @@ const SYNONYMS: &[(&str, &str)] = &[
 /// assert_eq!(seen.position(seen.heliostats[0].records[0])?, "line 2");
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-pub fn load_observations(path: &Path, loaded: &LoadedField) -> Result<Observations, IoError> {
-    load_observations_with_spots(path, None, loaded)
+pub fn load_observations<'a>(
+    table: impl Into<TableSource<'a>>,
+    loaded: &LoadedField,
+) -> Result<Observations, IoError> {
+    load_observations_with_spots(table, None, loaded)
 }
 
 /// Reads a table of observations whose spots are given apart, as `spot` writes them.
@@ -278,12 +281,12 @@ pub fn load_observations(path: &Path, loaded: &LoadedField) -> Result<Observatio
 /// several frames may be meant by, a time that several frames are equally near to, a frame whose time is not that of the
 /// record which names it, a frame that belongs to records of two heliostats or of two poses, and spots none of which belongs
 /// to a record.
-pub fn load_observations_with_spots(
-    path: &Path,
+pub fn load_observations_with_spots<'a>(
+    table: impl Into<TableSource<'a>>,
     spots: Option<&SpotTable>,
     loaded: &LoadedField,
 ) -> Result<Observations, IoError> {
-    let table = Table::read(path)?;
+    let table = Table::read(table)?;
     let names = &loaded.observation_columns;
     let renames: Vec<(&str, &str)> = names
         .renames

@@ -11,7 +11,7 @@ use helio_core::drive::Drive;
 use crate::error::{IoError, Problem, quoted};
 use crate::field::LoadedField;
 use crate::keys::{self, Key};
-use crate::table::{Keyed, Naming, Table};
+use crate::table::{Keyed, Naming, Table, TableSource};
 
 /// Suns given by their angles.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -168,7 +168,10 @@ pub enum AnglesSun {
 /// # Errors
 /// [`IoError`] for an unknown or missing column, an id not in the field, a row without angles, steps
 /// without or beyond a drive, and a time without an offset.
-pub fn load_angles(path: &Path, loaded: &LoadedField) -> Result<Angles, IoError> {
+pub fn load_angles<'a>(
+    table: impl Into<TableSource<'a>>,
+    loaded: &LoadedField,
+) -> Result<Angles, IoError> {
     let ignore = |name: &str| {
         keys::TRACKED.contains(&name) && keys::names(keys::ANGLE_COLUMNS).all(|known| known != name)
     };
@@ -177,7 +180,7 @@ pub fn load_angles(path: &Path, loaded: &LoadedField) -> Result<Angles, IoError>
         ignore: Some(&ignore),
         ..Naming::default()
     };
-    let table = Keyed::new(Table::read(path)?, keys::ANGLE_COLUMNS, &naming)?;
+    let table = Keyed::new(Table::read(table)?, keys::ANGLE_COLUMNS, &naming)?;
     let has_angles = both_or_none(&table, &keys::AXIS1, &keys::AXIS2)?;
     let has_steps = both_or_none(&table, &keys::AXIS1_STEPS, &keys::AXIS2_STEPS)?;
     if !has_angles && !has_steps {

@@ -1,6 +1,6 @@
 //! The table of spots: what cameras saw on their targets, frame by frame.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use helio_spot::SpotStatus;
 
@@ -8,7 +8,7 @@ use crate::error::{IoError, Problem, quoted};
 use crate::keys::{self, Key};
 use crate::output::{Cells, Destination, Format, write_columns};
 use crate::small::pair;
-use crate::table::{Keyed, Naming, Table};
+use crate::table::{Keyed, Naming, Table, TableSource};
 
 /// The word in the column `status` of frames that could not be read.
 const UNREADABLE: &str = "unreadable";
@@ -180,8 +180,9 @@ impl SpotTable {
 /// assert_eq!(spots.rows[1].status_word(), "empty");
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-pub fn load_spots(path: &Path) -> Result<SpotTable, IoError> {
-    let table = Keyed::new(Table::read(path)?, keys::SPOT_COLUMNS, &Naming::default())?;
+pub fn load_spots<'a>(table: impl Into<TableSource<'a>>) -> Result<SpotTable, IoError> {
+    let source = table.into();
+    let table = Keyed::new(Table::read(source)?, keys::SPOT_COLUMNS, &Naming::default())?;
     for key in [
         &keys::SPOT_FILE,
         &keys::SPOT_U,
@@ -196,7 +197,7 @@ pub fn load_spots(path: &Path) -> Result<SpotTable, IoError> {
         .map(|row| read_row(&table, row))
         .collect::<Result<_, _>>()?;
     Ok(SpotTable {
-        path: path.to_path_buf(),
+        path: source.path().to_path_buf(),
         rows,
         lines: table.table().lines().map(<[usize]>::to_vec),
     })

@@ -1,5 +1,6 @@
 //! Times: text with an offset at the edge, nanoseconds of Unix time inside.
 
+use helio_core::angle::{degrees, radians};
 use jiff::{SignedDuration, Timestamp, civil};
 
 use crate::error::{IoError, Place, Problem};
@@ -215,6 +216,21 @@ impl TimeRange {
     }
 }
 
+/// Degrees whose conversion gave these radians, as somebody would have written them.
+///
+/// A tenth of a degree is no double, so that degrees → radians → degrees may end a digit beside
+/// where it began; of what is converted to the same radians the shortest is meant.
+#[must_use]
+pub fn degrees_as_written(angle_rad: f64) -> f64 {
+    let exact = degrees(angle_rad);
+    let short = (exact * 1e9).round() / 1e9;
+    if radians(short) == angle_rad {
+        short
+    } else {
+        exact
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -282,5 +298,15 @@ mod tests {
         assert!(TimeRange::new(0, 1, 0).is_err());
         let all = TimeRange::new(i64::MIN, i64::MAX, i64::MAX).unwrap();
         assert_eq!(all.iter().collect::<Vec<_>>(), [i64::MIN, -1, i64::MAX - 1]);
+    }
+
+    #[test]
+    fn degrees_come_back_as_written() {
+        for tenths in -3600..=3600 {
+            let written = f64::from(tenths) / 10.0;
+            assert_eq!(degrees_as_written(radians(written)), written);
+        }
+        let odd = 123.456_789_012_345_67;
+        assert!((degrees_as_written(radians(odd)) - odd).abs() < 1e-13);
     }
 }

@@ -3,8 +3,9 @@
 mod columns;
 mod inner;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use helio_io::hash_file;
 use numpy::PyArray2;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
@@ -14,6 +15,7 @@ use crate::drive::PyDrive;
 use crate::failure::Failure;
 use crate::guard::guarded;
 use crate::sun::Clock;
+use crate::table::of_columns;
 pub(crate) use inner::Inner;
 
 /// Heliostats of one tracking mode, in the order in which every answer comes.
@@ -66,6 +68,8 @@ pub(crate) use inner::Inner;
 #[pyclass(frozen, name = "Field", module = "helio_py")]
 pub(crate) struct PyField {
     inner: Inner,
+    /// Columns of the calibration that took the place of the files', for pickle.
+    calibration: Option<Py<PyList>>,
 }
 
 impl PyField {
@@ -150,6 +154,7 @@ impl PyField {
             let field = columns::field(position_enu_m, aim_enu_m, ids, mode, columns)?;
             Ok(Self {
                 inner: Inner::of_columns(field)?,
+                calibration: None,
             })
         })
     }
@@ -169,7 +174,10 @@ impl PyField {
     fn from_toml(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         guarded(|| {
             let inner = py.detach(|| Inner::load(&path))?;
-            Ok(Self { inner })
+            Ok(Self {
+                inner,
+                calibration: None,
+            })
         })
     }
 
@@ -389,7 +397,8 @@ impl PyField {
         let class = slf.get_type();
         if let Some((path, hashes)) = inner.read_from() {
             let again = class.getattr("_read_again")?;
-            return (again, (path, hashes)).into_pyobject(py);
+            let calibration = slf.get().calibration.as_ref();
+            return (again, (path, hashes, calibration)).into_pyobject(py);
         }
         let columns = columns::arguments(slf)?;
         (class.getattr("_from_columns")?, (columns,)).into_pyobject(py)
@@ -403,19 +412,59 @@ impl PyField {
 
     /// The field of files that must not have changed, for pickle.
     #[staticmethod]
-    fn _read_again(py: Python<'_>, path: PathBuf, hashes: Vec<String>) -> PyResult<Self> {
+    #[pyo3(signature = (path, hashes, calibration=None))]
+    fn _read_again(
+        py: Python<'_>,
+        path: PathBuf,
+        hashes: Vec<String>,
+        calibration: Option<Py<PyList>>,
+    ) -> PyResult<Self> {
         guarded(|| {
-            let inner = py.detach(|| Inner::load(&path))?;
+            let table = match &calibration {
+                Some(columns) => Some(of_columns(columns.bind(py), "calibration")?),
+                None => None,
+            };
+            let inner = py.detach(|| match &table {
+                Some(table) => Inner::load_calibrated(&path, table),
+                None => Inner::load(&path),
+            })?;
             if inner.read_from().is_none_or(|(_, found)| found != hashes) {
-                let message = format!(
-                    "{}: it, or a table it names, has changed since this field was pickled",
-                    path.display()
-                );
-                return Err(Failure::new("ConflictError", message));
+                return Err(changed(&path, "pickled"));
             }
-            Ok(Self { inner })
+            Ok(Self { inner, calibration })
         })
     }
+
+    /// This field with another calibration, as columns of the table.
+    fn _calibrated(&self, py: Python<'_>, calibration: Py<PyList>) -> PyResult<Self> {
+        guarded(|| {
+            let Some((path, hashes)) = self.inner.read_from() else {
+                let message =
+                    "field: only a field read from files is calibrated so: Field.from_toml";
+                return Err(Failure::new("MissingError", message));
+            };
+            let table = of_columns(calibration.bind(py), "calibration")?;
+            let now: Result<Vec<String>, _> =
+                self.inner.files().iter().map(|f| hash_file(f)).collect();
+            if now? != hashes {
+                return Err(changed(path, "read"));
+            }
+            let inner = py.detach(|| Inner::load_calibrated(path, &table))?;
+            Ok(Self {
+                inner,
+                calibration: Some(calibration),
+            })
+        })
+    }
+}
+
+/// Files that are not any more what they were.
+fn changed(path: &Path, since: &str) -> Failure {
+    let message = format!(
+        "{}: it, or a table it names, has changed since this field was {since}",
+        path.display()
+    );
+    Failure::new("ConflictError", message)
 }
 
 /// A shape that must be that of points.

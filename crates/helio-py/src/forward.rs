@@ -117,7 +117,7 @@ fn add(
 }
 
 /// A bad row of one sun as a row of all of them.
-fn in_whole(error: TrackError, first: usize) -> TrackError {
+pub(crate) fn in_whole(error: TrackError, first: usize) -> TrackError {
     match error {
         TrackError::BadAngle {
             what,

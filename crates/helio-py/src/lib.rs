@@ -3,9 +3,9 @@
 //! The package's own documentation is in its doc strings, which begin here as the comments above each
 //! function and class, in the form that Python's readers know (numpydoc).
 //!
-//! One file per subject: `field`, `track`, `forward`, `sun`, `drive`, `flux`, `simulate`; below them what they
-//! share: `array` (NumPy in and out), `failure` (errors), `pool` (threads, and forks), `guard`
-//! (panics), `slab` (memory of answers), `watch` (progress and Ctrl-C of long work).
+//! One file per subject: `field`, `track`, `forward`, `sun`, `drive`, `predict`, `calibrate`, `flux`, `simulate`; below
+//! them what they share: `array` (NumPy in and out), `table` (tables in and out), `failure` (errors), `pool` (threads,
+//! and forks), `guard` (panics), `slab` (memory of answers), `watch` (progress and Ctrl-C of long work).
 
 #![allow(
     clippy::too_many_arguments,
@@ -13,6 +13,7 @@
 )]
 
 mod array;
+mod calibrate;
 mod drive;
 mod failure;
 mod field;
@@ -20,9 +21,11 @@ mod flux;
 mod forward;
 mod guard;
 mod pool;
+mod predict;
 mod simulate;
 mod slab;
 mod sun;
+mod table;
 mod track;
 mod watch;
 
@@ -52,5 +55,9 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<simulate::PyCampaign>()?;
     module.add_function(wrap_pyfunction!(simulate::_simulate_field, module)?)?;
     module.add_function(wrap_pyfunction!(simulate::_simulate_observations, module)?)?;
+
+    module.add_function(wrap_pyfunction!(predict::_predict, module)?)?;
+    module.add_function(wrap_pyfunction!(calibrate::_calibrate, module)?)?;
+    module.add_function(wrap_pyfunction!(table::_write_table, module)?)?;
     Ok(())
 }

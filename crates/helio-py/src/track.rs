@@ -140,13 +140,13 @@ pub(crate) fn track<'py>(
 }
 
 /// The suns of a call.
-enum Suns {
+pub(crate) enum Suns {
     One([EnuUnit; 1]),
     Many(Vec<EnuUnit>),
 }
 
 impl Suns {
-    fn of(
+    pub(crate) fn of(
         azimuth_rad: &Bound<'_, PyAny>,
         elevation_rad: &Bound<'_, PyAny>,
     ) -> Result<Self, Failure> {
@@ -184,7 +184,7 @@ impl Suns {
         Ok(Self::Many(suns?))
     }
 
-    fn directions(&self) -> &[EnuUnit] {
+    pub(crate) fn directions(&self) -> &[EnuUnit] {
         match self {
             Self::One(sun) => sun,
             Self::Many(suns) => suns,
@@ -192,14 +192,14 @@ impl Suns {
     }
 
     /// How many, unless it is the one of a scalar.
-    fn count(&self) -> Option<usize> {
+    pub(crate) fn count(&self) -> Option<usize> {
         match self {
             Self::One(_) => None,
             Self::Many(suns) => Some(suns.len()),
         }
     }
 
-    fn times(&self, times: &Bound<'_, PyAny>) -> Result<Vec<i64>, Failure> {
+    pub(crate) fn times(&self, times: &Bound<'_, PyAny>) -> Result<Vec<i64>, Failure> {
         let (times, shape) = unix_ns(times)?;
         let wanted = self.count();
         if shape.as_slice() != wanted.as_slice() {
@@ -296,7 +296,7 @@ struct Job<'a> {
 }
 
 /// A field whose calibration changes with the hour or the date.
-struct Changing<'a> {
+pub(crate) struct Changing<'a> {
     schedule: &'a helio_io::CalibrationSchedule,
     latitude_rad: f64,
     field: Field,
@@ -304,7 +304,7 @@ struct Changing<'a> {
 }
 
 impl<'a> Changing<'a> {
-    fn of(field: &'a Inner, tracker: &Tracker) -> Result<Option<Self>, Failure> {
+    pub(crate) fn of(field: &'a Inner, tracker: &Tracker) -> Result<Option<Self>, Failure> {
         let Some((schedule, site)) = field.schedule() else {
             return Ok(None);
         };
@@ -321,7 +321,15 @@ impl<'a> Changing<'a> {
         }))
     }
 
-    fn bring_up_to_date(&mut self, unix_ns: Option<i64>, sun: EnuUnit) -> Result<(), Failure> {
+    pub(crate) fn tracker(&self) -> &Tracker {
+        &self.tracker
+    }
+
+    pub(crate) fn bring_up_to_date(
+        &mut self,
+        unix_ns: Option<i64>,
+        sun: EnuUnit,
+    ) -> Result<(), Failure> {
         let hour_rad = hour_angle_rad(sun, self.latitude_rad);
         if self.schedule.update(&mut self.field, unix_ns, hour_rad)? {
             self.tracker = Tracker::new(&self.field, self.tracker.offset())?;

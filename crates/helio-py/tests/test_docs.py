@@ -26,7 +26,8 @@ def test_every_public_thing_has_a_docstring(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if ">>>" in (inspect.getdoc(getattr(hp, name)) or "")])
-def test_examples_run(name: str) -> None:
+def test_examples_run(name: str, root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(root)
     text = inspect.getdoc(getattr(hp, name))
     assert text
     example = doctest.DocTestParser().get_doctest(text, {}, name, None, None)

@@ -19,7 +19,7 @@ pub use site::{Site, Target, TargetArea};
 
 use crate::error::{IoError, Problem, said};
 use crate::keys::{self, Key};
-use crate::table::{Keyed, Naming, Table, read_text};
+use crate::table::{Keyed, Naming, Table, TableSource, read_text};
 use crate::toml::{Section, Source};
 use layout::{Aim, Context, Quantities, shown};
 
@@ -179,6 +179,22 @@ fn in_row<T>(all: &[T], row: usize) -> Result<&T, FieldError> {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn load_field(path: &Path) -> Result<LoadedField, IoError> {
+    load(path, None)
+}
+
+/// Reads `field.toml` as [`load_field`] does, with another calibration table in the place of the one that it names, if it
+/// names one.
+///
+/// # Errors
+/// As [`load_field`].
+pub fn load_field_calibrated(
+    path: &Path,
+    calibration: TableSource<'_>,
+) -> Result<LoadedField, IoError> {
+    load(path, Some(calibration))
+}
+
+fn load(path: &Path, calibration: Option<TableSource<'_>>) -> Result<LoadedField, IoError> {
     let text = read_text(path)?;
     let source = Source { path, text: &text };
     let document = source.parse()?;
@@ -237,14 +253,17 @@ pub fn load_field(path: &Path) -> Result<LoadedField, IoError> {
         heliostat.limits = within_drives(heliostat.limits, drives)
             .map_err(|problem| layout.row_error(row, &ids[row], problem))?;
     }
-    let (heliostats, schedule, warnings) =
-        match read_named(&heliostats, &keys::CALIBRATION, &mut files)? {
-            Some(table) => {
-                let done = calibration::apply(table, &ids, &row_of, base, blend_deg)?;
-                (done.heliostats, done.schedule, done.warnings)
-            }
-            None => (base, None, Vec::new()),
-        };
+    let calibration = match calibration {
+        Some(table) => Some(Table::read(table)?),
+        None => read_named(&heliostats, &keys::CALIBRATION, &mut files)?,
+    };
+    let (heliostats, schedule, warnings) = match calibration {
+        Some(table) => {
+            let done = calibration::apply(table, &ids, &row_of, base, blend_deg)?;
+            (done.heliostats, done.schedule, done.warnings)
+        }
+        None => (base, None, Vec::new()),
+    };
 
     let mut field = Field::new(mode);
     for (row, (id, heliostat)) in ids.iter().zip(heliostats).enumerate() {

@@ -56,7 +56,7 @@ use std::path::Path;
 
 use helio_core::Status;
 
-pub use plain::{Cells, write_columns, write_table};
+pub use plain::{Cells, KeptCells, KeptColumns, write_columns, write_table};
 pub use sink::Destination;
 
 use rows::Checked;

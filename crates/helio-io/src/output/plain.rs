@@ -2,7 +2,7 @@
 
 use std::io::Write;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use ::parquet::arrow::ArrowWriter;
 use ::parquet::basic::{Compression, Encoding, ZstdLevel};
@@ -87,6 +87,59 @@ impl Cells<'_> {
     }
 }
 
+/// The cells of a column that is kept in memory.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum KeptCells {
+    /// Text; an empty one is absent.
+    Text(Vec<String>),
+    /// Numbers; what is not finite is absent.
+    Numbers(Vec<f64>),
+    /// Whole numbers.
+    Whole(Vec<Option<i64>>),
+    /// Times \[ns of Unix time\].
+    Times(Vec<Option<i64>>),
+}
+
+impl From<Cells<'_>> for KeptCells {
+    fn from(cells: Cells<'_>) -> Self {
+        match cells {
+            Cells::Text(cells) => Self::Text(cells.to_vec()),
+            Cells::Numbers(cells) => Self::Numbers(cells.to_vec()),
+            Cells::Whole(cells) => Self::Whole(cells.to_vec()),
+            Cells::Times(cells) => Self::Times(cells.to_vec()),
+        }
+    }
+}
+
+/// Where a table that is kept in memory is to be found after it was written to [`Destination::Columns`].
+///
+/// ```
+/// use helio_io::output::{Cells, Destination, Format, KeptCells, KeptColumns, write_columns};
+/// let kept = KeptColumns::default();
+/// let columns = [("beam_mrad", Cells::Numbers(&[1.5]))];
+/// write_columns(Destination::Columns(kept.clone()), Format::Csv, &columns)?;
+/// assert_eq!(kept.take(), [("beam_mrad".to_owned(), KeptCells::Numbers(vec![1.5]))]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug, Clone, Default)]
+pub struct KeptColumns(Arc<Mutex<Vec<(String, KeptCells)>>>);
+
+impl KeptColumns {
+    /// The columns, which are gone then.
+    #[must_use]
+    pub fn take(&self) -> Vec<(String, KeptCells)> {
+        std::mem::take(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    fn put(&self, columns: &[(&str, Cells<'_>)]) {
+        let kept = columns
+            .iter()
+            .map(|(name, cells)| ((*name).to_owned(), (*cells).into()));
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = kept.collect();
+    }
+}
+
 /// Writes a table with a column `id` and columns of numbers, such as a layout of heliostats.
 ///
 /// # Errors
@@ -153,6 +206,10 @@ pub fn write_columns(
                 Problem::Conflict { message },
             ));
         }
+    }
+    if let Destination::Columns(kept) = &destination {
+        kept.put(columns);
+        return Ok(0);
     }
     let mut sink = Sink::open(destination)?;
     match format {

@@ -6,7 +6,8 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::thread::JoinHandle;
 
-use crate::{AtomicFile, IoError};
+use super::KeptColumns;
+use crate::{AtomicFile, IoError, Place, Problem};
 
 /// Pieces (of a megabyte at most) that may wait for the writing thread: bounds the memory.
 const QUEUE: usize = 32;
@@ -22,6 +23,8 @@ pub enum Destination {
         /// The stream.
         writer: Box<dyn Write + Send>,
     },
+    /// Memory, for whoever goes on computing with it: small tables only, in no format at all.
+    Columns(KeptColumns),
 }
 
 impl std::fmt::Debug for Destination {
@@ -29,6 +32,7 @@ impl std::fmt::Debug for Destination {
         match self {
             Self::File(path) => f.debug_tuple("File").field(path).finish(),
             Self::Stream { name, .. } => f.debug_tuple("Stream").field(name).finish(),
+            Self::Columns(_) => f.debug_tuple("Columns").finish(),
         }
     }
 }
@@ -94,6 +98,11 @@ impl Sink {
                 (path, Target::File(Box::new(file)))
             }
             Destination::Stream { name, writer } => (name.into(), Target::Stream(writer)),
+            Destination::Columns(_) => {
+                let message = "only small tables are kept in memory".to_string();
+                let problem = Problem::Conflict { message };
+                return Err(IoError::new(Place::default(), problem));
+            }
         };
         let (pieces, queue) = sync_channel(QUEUE);
         let (back, used) = channel();

@@ -359,7 +359,7 @@ impl<'a> Campaign<'a> {
     }
 
     fn neighbours(&self, row: usize) -> Vec<(Mount, Parameters)> {
-        nearest(&self.loaded.field, row, NEIGHBOURS)
+        crate::calibrate::neighbours(&self.loaded.field, row, NEIGHBOURS)
             .into_iter()
             .map(|other| (self.mount(other), self.parameters(other)))
             .collect()
@@ -415,23 +415,4 @@ impl<'a> Campaign<'a> {
         }
         Ok(columns)
     }
-}
-
-/// Rows of the heliostats nearest to one.
-fn nearest(field: &helio_core::Field, row: usize, most: usize) -> Vec<usize> {
-    let heliostats = field.heliostats();
-    let here = heliostats[row].pivot;
-    let mut others: Vec<(f64, usize)> = heliostats
-        .iter()
-        .enumerate()
-        .filter(|(other, _)| *other != row)
-        .map(|(other, heliostat)| ((heliostat.pivot - here).norm(), other))
-        .collect();
-    let nearer = |a: &(f64, usize), b: &(f64, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
-    if others.len() > most {
-        others.select_nth_unstable_by(most, nearer);
-        others.truncate(most);
-    }
-    others.sort_by(nearer);
-    others.into_iter().map(|(_, other)| other).collect()
 }

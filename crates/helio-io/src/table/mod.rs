@@ -1,5 +1,6 @@
 //! Data tables, CSV or Parquet, with the place of every problem.
 
+mod memory;
 mod parquet;
 mod text;
 
@@ -9,6 +10,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+pub use self::memory::{MemoryTable, TableSource};
 pub use self::parquet::PARQUET_THREAD;
 
 use self::parquet::Columns;
@@ -34,8 +36,30 @@ enum Cells {
 }
 
 impl Table {
-    /// Reads a whole table. A file that begins like Parquet is Parquet, whatever its name.
-    pub(crate) fn read(path: &Path) -> Result<Self, IoError> {
+    /// Reads a whole table.
+    pub(crate) fn read<'a>(source: impl Into<TableSource<'a>>) -> Result<Self, IoError> {
+        let table = match source.into() {
+            TableSource::File(path) => Self::read_file(path)?,
+            TableSource::Memory(table) => Self {
+                path: table.name().to_path_buf(),
+                names: table.names.clone(),
+                rows: table.rows,
+                cells: Cells::Parquet(table.columns.clone()),
+            },
+        };
+        table.check_header()?;
+        if table.rows == 0 {
+            let what = "the table has a header but no rows".to_string();
+            return Err(IoError::new(
+                Place::file(&table.path),
+                Problem::Empty { what },
+            ));
+        }
+        Ok(table)
+    }
+
+    /// A file that begins like Parquet is Parquet, whatever its name.
+    fn read_file(path: &Path) -> Result<Self, IoError> {
         let mut file = open(path)?;
         let refuse = |error| IoError::read(path, error);
         let mut bytes = Vec::new();
@@ -54,18 +78,12 @@ impl Table {
             let (names, records) = text::read(path, bytes)?;
             (names, records.len(), Cells::Text(records))
         };
-        let table = Self {
+        Ok(Self {
             path: path.to_path_buf(),
             names,
             rows,
             cells,
-        };
-        table.check_header()?;
-        if rows == 0 {
-            let what = "the table has a header but no rows".to_string();
-            return Err(IoError::new(Place::file(path), Problem::Empty { what }));
-        }
-        Ok(table)
+        })
     }
 
     fn check_header(&self) -> Result<(), IoError> {

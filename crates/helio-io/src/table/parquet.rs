@@ -6,10 +6,10 @@ use std::path::Path;
 use std::thread::{Builder, JoinHandle};
 
 use arrow::array::{
-    Array, ArrayRef, Float64Array, Int64Array, StringArray, TimestampNanosecondArray,
+    Array, ArrayRef, Float64Array, Int64Array, RecordBatch, StringArray, TimestampNanosecondArray,
 };
 use arrow::compute::{CastOptions, cast_with_options, concat};
-use arrow::datatypes::{DataType, TimeUnit};
+use arrow::datatypes::{DataType, SchemaRef, TimeUnit};
 use arrow::util::display::FormatOptions;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 
@@ -20,11 +20,11 @@ use crate::error::{IoError, Place, Problem};
 /// threads of this name says nothing else about it.
 pub const PARQUET_THREAD: &str = "helio-parquet";
 
-/// The columns of a Parquet file.
-#[derive(Debug)]
+/// The columns of a Parquet file, or of a table in memory.
+#[derive(Debug, Clone)]
 pub(super) struct Columns(Vec<Column>);
 
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 enum Column {
     Float(Float64Array),
     Integer(Int64Array),
@@ -34,7 +34,26 @@ enum Column {
     Other(String),
 }
 
+/// What a column is.
+pub(super) enum Arrays<'a> {
+    Float(&'a Float64Array),
+    Whole(&'a Int64Array),
+    Text(&'a StringArray),
+    Time(&'a TimestampNanosecondArray),
+    Other(&'a str),
+}
+
 impl Columns {
+    pub(super) fn arrays(&self, column: usize) -> Arrays<'_> {
+        match &self.0[column] {
+            Column::Float(values) => Arrays::Float(values),
+            Column::Integer(values) => Arrays::Whole(values),
+            Column::Text(values) => Arrays::Text(values),
+            Column::Time(values) => Arrays::Time(values),
+            Column::Other(kind) => Arrays::Other(kind),
+        }
+    }
+
     /// A text or a whole number; otherwise what was found.
     pub(super) fn text(&self, row: usize, column: usize) -> Result<Option<Cow<'_, str>>, String> {
         match &self.0[column] {
@@ -111,10 +130,15 @@ fn pages(file: File) -> Result<(Vec<String>, usize, Columns), String> {
     for batch in reader {
         batches.push(batch.map_err(|error| error.to_string())?);
     }
-    let rows = batches
-        .iter()
-        .map(arrow::array::RecordBatch::num_rows)
-        .sum();
+    columns_of(&schema, &batches)
+}
+
+/// Names, number of rows and columns of batches; or what is wrong with them.
+pub(super) fn columns_of(
+    schema: &SchemaRef,
+    batches: &[RecordBatch],
+) -> Result<(Vec<String>, usize, Columns), String> {
+    let rows = batches.iter().map(RecordBatch::num_rows).sum();
     let mut columns = Vec::with_capacity(schema.fields().len());
     for (index, field) in schema.fields().iter().enumerate() {
         let parts: Vec<&dyn Array> = batches.iter().map(|b| b.column(index).as_ref()).collect();

@@ -18,9 +18,11 @@ Every failure is a ``HelioError``; a row that cannot be computed is none, it has
 import warnings as _warnings
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 
+from helio_py._calibrate import Calibration, calibrate
 from helio_py._errors import (
     AngleError,
     BusyError,
+    CalibrationError,
     ConflictError,
     DataTypeError,
     DriveError,
@@ -52,6 +54,7 @@ from helio_py._errors import (
 from helio_py._flux import CameraFlux, FluxAccount, SlopeErrors, TargetMap, flux
 from helio_py._native import Drive, Field, Flux, Tracking, __version__, _optimised, forward, sun_position, track
 from helio_py._simulate import SimulatedObservations, simulate_field, simulate_observations
+from helio_py._predict import Prediction, predict
 from helio_py._status import Status, status_words
 from helio_py._sun import SunPosition
 
@@ -74,6 +77,8 @@ if not _optimised:
 __all__ = [
     "AngleError",
     "BusyError",
+    "Calibration",
+    "CalibrationError",
     "ConflictError",
     "DataTypeError",
     "Drive",
@@ -94,6 +99,7 @@ __all__ = [
     "NoSuchRowError",
     "OptionError",
     "OutOfMemoryError",
+    "Prediction",
     "ShapeError",
     "Status",
     "SunDirectionError",
@@ -104,7 +110,9 @@ __all__ = [
     "Tracking",
     "UnknownNameError",
     "__version__",
+    "calibrate",
     "forward",
+    "predict",
     "status_words",
     "sun_position",
     "track",

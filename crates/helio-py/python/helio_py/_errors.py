@@ -16,7 +16,7 @@ class HelioError(Exception):
 
     #: Name of the heliostat.
     id: str | None = None
-    #: Row, counted from 0 in arrays, from 1 in Parquet files.
+    #: Row, counted from 0 in arrays, from 1 in tables.
     row: int | None = None
     #: The argument, quantity, or column of a table.
     field: str | None = None
@@ -129,6 +129,10 @@ class MeshError(FluxError):
 
 class ImageError(HelioError, ValueError):
     """A picture that cannot be read, or does not show what it should."""
+
+
+class CalibrationError(HelioError, ValueError):
+    """Observations or options of which no calibration can be made."""
 
 
 class BusyError(HelioError, RuntimeError):

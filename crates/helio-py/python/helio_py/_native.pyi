@@ -39,6 +39,18 @@ def sun_position(
     delta_t_s: float | None = None,
     ut1_utc_s: float = 0.0,
 ) -> SunPosition: ...
+def _predict(
+    field: Field,
+    azimuth_rad: ArrayLike,
+    elevation_rad: ArrayLike,
+    sun_azimuth_rad: ArrayLike,
+    sun_elevation_rad: ArrayLike,
+    times: Any | None,
+) -> list[Any]: ...
+def _calibrate(
+    field: Field, observations: Any, spots: Any | None, words: dict[str, Any], progress: Any | None
+) -> dict[str, Any]: ...
+def _write_table(path: str | PathLike[str], columns: list[tuple[str, str, Any]]) -> int: ...
 
 @final
 class Field:
@@ -127,7 +139,10 @@ class Field:
     @staticmethod
     def _from_columns(arguments: dict[str, Any]) -> Field: ...
     @staticmethod
-    def _read_again(path: str | PathLike[str], hashes: Sequence[str]) -> Field: ...
+    def _read_again(
+        path: str | PathLike[str], hashes: Sequence[str], calibration: list[tuple[str, str, Any]] | None = None
+    ) -> Field: ...
+    def _calibrated(self, calibration: list[tuple[str, str, Any]]) -> Field: ...
 
 @final
 class Tracking:

@@ -4,9 +4,13 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use helio_core::drive::Drive;
+use helio_core::error::FieldError;
 use helio_core::tracking::TrackingColumns;
-use helio_core::{Field, OffsetForm, Status, Tracker};
-use helio_io::{CalibrationSchedule, LoadedField, Site, hash_file, load_field};
+use helio_core::{EnuUnit, Field, OffsetForm, Status, TargetPlane, Tracker};
+use helio_io::{
+    CalibrationSchedule, LoadedField, MemoryTable, Site, hash_file, load_field,
+    load_field_calibrated,
+};
 
 use crate::failure::Failure;
 
@@ -38,7 +42,16 @@ impl Inner {
 
     /// Reads a field.toml.
     pub(crate) fn load(path: &Path) -> Result<Self, Failure> {
-        let loaded = Box::new(load_field(path)?);
+        Self::loaded_from(path, load_field(path)?)
+    }
+
+    /// Reads a field.toml, with another calibration than it names.
+    pub(crate) fn load_calibrated(path: &Path, calibration: &MemoryTable) -> Result<Self, Failure> {
+        Self::loaded_from(path, load_field_calibrated(path, calibration.into())?)
+    }
+
+    fn loaded_from(path: &Path, loaded: LoadedField) -> Result<Self, Failure> {
+        let loaded = Box::new(loaded);
         let hashes: Result<_, _> = loaded.files.iter().map(|file| hash_file(file)).collect();
         // Whoever unpickles it may stand in another folder.
         let path = std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf());
@@ -118,6 +131,31 @@ impl Inner {
 
     pub(crate) fn files(&self) -> &[PathBuf] {
         self.loaded().map_or(&[], |loaded| &loaded.files)
+    }
+
+    /// What was read from files, and their hashes.
+    pub(crate) fn files_read(&self) -> Option<(&LoadedField, &[String])> {
+        match &self.source {
+            Source::Columns(_) => None,
+            Source::Files { loaded, hashes, .. } => Some((loaded, hashes)),
+        }
+    }
+
+    /// The plane on which a heliostat's beam is looked at: its target's, or one through its aim that faces it.
+    pub(crate) fn plane_for(&self, row: usize) -> Result<TargetPlane, FieldError> {
+        if let Some(loaded) = self.loaded() {
+            return loaded.plane_for(row);
+        }
+        let heliostats = self.field().heliostats();
+        let count = heliostats.len();
+        let heliostat = heliostats
+            .get(row)
+            .ok_or(FieldError::NoSuchRow { row, count })?;
+        let toward_field = EnuUnit::try_new(heliostat.pivot - heliostat.aim);
+        Ok(TargetPlane::level(
+            heliostat.aim,
+            toward_field.unwrap_or(EnuUnit::UP),
+        ))
     }
 
     /// The file it was read from, and the hashes of all files read.

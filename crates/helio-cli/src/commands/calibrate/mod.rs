@@ -1,12 +1,9 @@
 //! `calibrate`: the angular errors of every heliostat from observations of its spot.
 
-mod asked;
 mod changes;
-mod day;
 mod heliostats;
 mod joint;
 mod proposals;
-mod rejected;
 mod resume;
 mod words;
 
@@ -14,26 +11,39 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use helio_calib::Mount;
 use helio_calib::schedule::Sets;
+use helio_io::calibrate::{AHEAD_NS, Asked, FitWords, OK, Run, without_sigmas, write_rejected};
 use helio_io::{
     AtomicFile, CalibratedSet, IoError, LoadedField, Observations, Provenance, hash_file,
     load_observations_with_spots, load_spots, write_calibration,
 };
 use helio_report::calibration::calibration_page;
 
-use crate::args::{CalibrateArgs, word};
-use crate::calibration::Done;
+use crate::args::{CalibrateArgs, FitArgs, word};
 use crate::calibration_page::Source;
 use crate::failure::Failure;
 use crate::printer::{Counted, Grouped, Printer};
 use crate::{Outcome, plan};
-use asked::Asked;
 use changes::{changes, earlier};
-use day::without_sigmas;
-use proposals::Proposals;
-use rejected::write_rejected;
+use proposals::{Proposals, propose};
 use resume::{build_hash, finished, hash_files, hash_text, is_plain};
+
+impl From<&FitArgs> for FitWords {
+    fn from(args: &FitArgs) -> Self {
+        Self {
+            solver: word(args.solver),
+            residual: word(args.residual),
+            robust: word(args.robust),
+            sets: word(args.sets),
+            fit_mirror_offset: args.fit_mirror_offset,
+            hold: args.hold.clone(),
+            prior: args.prior.clone(),
+            keep_all: args.keep_all,
+            no_jumps: args.no_jumps,
+            max_year_pointing_mrad: args.max_year_pointing_mrad,
+        }
+    }
+}
 
 /// Lines of findings that a terminal shows.
 const SAID: usize = 40;
@@ -45,8 +55,9 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
     }
     let format = plan::format(args.out.out.as_deref(), args.out.format)?;
     let loaded = plan::field(&args.field, printer)?;
-    let asked = Asked::new(&args.fit)?;
-    if asked.sets != Sets::One && loaded.site.is_none() {
+    let words = FitWords::from(&args.fit);
+    let asked = Asked::new(&words)?;
+    if asked.sets() != Sets::One && loaded.site.is_none() {
         return Err(Failure::refused(
             "--sets: sets over the day go by the sun's hour angle, which needs the latitude from [site]",
         ));
@@ -92,12 +103,12 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
     let (observations, observations_hash) = read?;
     let provenance = Provenance {
         version: env!("CARGO_PKG_VERSION").to_owned(),
-        solver: word(args.fit.solver),
-        residual: word(args.fit.residual),
-        robust: word(args.fit.robust),
+        solver: words.solver.clone(),
+        residual: words.residual.clone(),
+        robust: words.robust.clone(),
         field_hash: hash_files(&loaded.files)?,
         observations_hash,
-        options_hash: hash_text(&format!("{:?}", args.fit)),
+        options_hash: words.hash(),
     };
     let part = match resumable.zip(build) {
         Some((out, build)) => {
@@ -119,7 +130,7 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
         observations: &observations,
         asked: &asked,
     };
-    let (done, part) = run.all(part, printer)?;
+    let (done, part) = heliostats::all(&run, part, printer)?;
 
     // What is finished stays in its file unless everything is written.
     let kept = part.as_ref().map(|part| part.path().to_owned());
@@ -147,10 +158,13 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
             write_page(file, &calibration_page(&page.page()?))?;
         }
         if let Some(path) = &args.rejected {
-            write_rejected(path, run.rejected(&done), &loaded, &observations, printer)?;
+            let format = plan::format(Some(path), None)?;
+            let destination = plan::destination(Some(path), format, &[], printer)?;
+            let rows = run.rejected(&done);
+            write_rejected(destination, format, rows, &loaded, &observations)?;
         }
         if let Some(proposals) = &proposals {
-            let rows = run.propose(proposals, &done)?;
+            let rows = propose(&run, proposals, &done)?;
             proposals.write(&rows, args, &loaded, printer)?;
         }
         // Proposals take the place of the calibration where both would go to standard output.
@@ -165,7 +179,7 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
     if let Some(part) = part {
         part.remove()?;
     }
-    run.say(&done, &sets, bytes, printer);
+    words::say(&run, &done, &sets, bytes, printer);
     for change in &changes {
         printer.say(format_args!("{change}"));
     }
@@ -175,9 +189,6 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
         Outcome::Good
     })
 }
-
-/// How far beyond the clock a record may be dated \[ns\]: a day, as clocks and offsets from UTC are set wrong.
-const AHEAD_NS: i64 = 86_400_000_000_000;
 
 /// The observations that can be used, which are some, and a hash of them and of their spots. What is dated later than the clock
 /// is left aside: zero points would wander on to that day, and what is fitted would be taken to hold from it.
@@ -222,9 +233,6 @@ fn observed(
     }
     Ok((observations, hash))
 }
-
-/// The status of a set that `track` may use.
-pub(crate) const OK: &str = "ok";
 
 /// True for standard output under any of its names.
 fn means_stdout(path: &Path) -> bool {
@@ -303,64 +311,3 @@ pub(crate) fn write_page(mut file: AtomicFile, page: &str) -> Result<(), Failure
 
 /// Lowest sun of an observation or of a pointing that counts \[rad\].
 const LOWEST_SUN_RAD: f64 = 0.1745;
-
-/// Everything that calibrating one heliostat after another needs.
-pub(crate) struct Run<'a> {
-    loaded: &'a LoadedField,
-    observations: &'a Observations,
-    asked: &'a Asked,
-}
-
-impl Run<'_> {
-    fn mount(&self, row: usize) -> Mount {
-        let field = &self.loaded.field;
-        Mount::of(field.mode(), &field.heliostats()[row])
-    }
-
-    fn id(&self, index: usize) -> &str {
-        &self.loaded.field.ids()[self.observations.heliostats[index].row]
-    }
-
-    /// The rows of the table for a heliostat.
-    fn sets(&self, done: &Done) -> Vec<CalibratedSet> {
-        let of = &self.observations.heliostats[done.index];
-        let id = self.id(done.index);
-        let pose_errors = self.loaded.field.heliostats()[of.row].pose_errors;
-        let used: usize = done.sets.iter().map(|set| set.rows.len()).sum();
-        // Sets over the day share the records of the hours in which they blend.
-        let rejected = of.observations.len().saturating_sub(used);
-        let one = done.sets.len() == 1;
-        done.sets
-            .iter()
-            .map(|set| {
-                let times = || {
-                    set.rows
-                        .iter()
-                        .filter_map(|&row| of.observations[row].unix_ns)
-                };
-                // A rejected record belongs to the stretch of time in which it was made.
-                let inside = |row: usize| match of.observations[row].unix_ns {
-                    Some(ns) => {
-                        set.valid_from_ns.is_none_or(|from| from <= ns)
-                            && set.valid_to_ns.is_none_or(|to| ns < to)
-                    }
-                    None => false,
-                } && match (set.hours_rad, of.observations[row].hour_angle_rad) {
-                    (Some([from, to]), Some(hour)) => {
-                        from.is_none_or(|from| from.0 <= hour) && to.is_none_or(|to| hour < to.0)
-                    }
-                    _ => true,
-                };
-                CalibratedSet {
-                    rejected: if one {
-                        rejected
-                    } else {
-                        done.rejected.iter().filter(|left| inside(left.row)).count()
-                    },
-                    observed_ns: times().min().zip(times().max()),
-                    ..set.to_table(id, pose_errors)
-                }
-            })
-            .collect()
-    }
-}

@@ -5,12 +5,12 @@ use helio_calib::{Candidate, Duty, Parameters, PlanOptions, Proposal};
 use helio_core::EnuUnit;
 use helio_core::angle::degrees;
 use helio_io::LoadedField;
+use helio_io::calibrate::{Done, Run};
 use helio_io::output::{Cells, write_columns};
 use rayon::prelude::*;
 
-use super::{LOWEST_SUN_RAD, Run};
+use super::LOWEST_SUN_RAD;
 use crate::args::CalibrateArgs;
-use crate::calibration::Done;
 use crate::failure::Failure;
 use crate::plan;
 use crate::printer::{Bytes, Printer};
@@ -116,64 +116,62 @@ impl Proposals {
     }
 }
 
-impl Run<'_> {
-    /// The proposed observations of every heliostat, with its row in the field.
-    pub(super) fn propose(
-        &self,
-        asked: &Proposals,
-        done: &[Done],
-    ) -> Result<Vec<(usize, Proposal)>, Failure> {
-        let all: Result<Vec<Vec<Proposal>>, Failure> = done
-            .par_iter()
-            .map(|one| {
-                let of = &self.observations.heliostats[one.index];
-                let heliostat = &self.loaded.field.heliostats()[of.row];
-                let mount = self.mount(of.row);
-                let latest = one.sets.iter().rev().find(|set| set.is_fitted());
-                let (parameters, so_far) = match latest {
-                    Some(set) => (
-                        Parameters::new(&set.mount_errors(), set.mirror_offset_m.0),
-                        set.rows.iter().map(|&row| of.observations[row]).collect(),
-                    ),
-                    None => (
-                        Parameters::new(&heliostat.errors, heliostat.mirror_offset_m),
-                        Vec::new(),
-                    ),
-                };
-                // Boards that face away are no use.
-                let facing: Vec<Candidate> = asked
-                    .candidates
-                    .iter()
-                    .filter(|candidate| {
-                        let toward = mount.pivot - candidate.plane.centre;
-                        candidate.plane.normal.as_enu().dot(toward) > 0.0
-                    })
-                    .copied()
-                    .collect();
-                let duty = Duty {
-                    suns: &asked.suns,
-                    aim: heliostat.aim,
-                };
-                let options = PlanOptions::default();
-                let proposals = helio_calib::plan(
-                    &mount,
-                    &parameters,
-                    &so_far,
-                    &facing,
-                    &duty,
-                    asked.count,
-                    &options,
-                );
-                Ok(proposals?)
-            })
-            .collect();
-        Ok(done
-            .iter()
-            .zip(all?)
-            .flat_map(|(one, proposals)| {
-                let row = self.observations.heliostats[one.index].row;
-                proposals.into_iter().map(move |p| (row, p))
-            })
-            .collect())
-    }
+/// The proposed observations of every heliostat, with its row in the field.
+pub(super) fn propose(
+    run: &Run<'_>,
+    asked: &Proposals,
+    done: &[Done],
+) -> Result<Vec<(usize, Proposal)>, Failure> {
+    let all: Result<Vec<Vec<Proposal>>, Failure> = done
+        .par_iter()
+        .map(|one| {
+            let of = &run.observations.heliostats[one.index];
+            let heliostat = &run.loaded.field.heliostats()[of.row];
+            let mount = run.mount(of.row);
+            let latest = one.sets.iter().rev().find(|set| set.is_fitted());
+            let (parameters, so_far) = match latest {
+                Some(set) => (
+                    Parameters::new(&set.mount_errors(), set.mirror_offset_m.0),
+                    set.rows.iter().map(|&row| of.observations[row]).collect(),
+                ),
+                None => (
+                    Parameters::new(&heliostat.errors, heliostat.mirror_offset_m),
+                    Vec::new(),
+                ),
+            };
+            // Boards that face away are no use.
+            let facing: Vec<Candidate> = asked
+                .candidates
+                .iter()
+                .filter(|candidate| {
+                    let toward = mount.pivot - candidate.plane.centre;
+                    candidate.plane.normal.as_enu().dot(toward) > 0.0
+                })
+                .copied()
+                .collect();
+            let duty = Duty {
+                suns: &asked.suns,
+                aim: heliostat.aim,
+            };
+            let options = PlanOptions::default();
+            let proposals = helio_calib::plan(
+                &mount,
+                &parameters,
+                &so_far,
+                &facing,
+                &duty,
+                asked.count,
+                &options,
+            );
+            Ok(proposals?)
+        })
+        .collect();
+    Ok(done
+        .iter()
+        .zip(all?)
+        .flat_map(|(one, proposals)| {
+            let row = run.observations.heliostats[one.index].row;
+            proposals.into_iter().map(move |p| (row, p))
+        })
+        .collect())
 }

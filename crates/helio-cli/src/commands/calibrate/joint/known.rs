@@ -7,10 +7,11 @@ use helio_calib::{
     Campaign, Duty, Mount, Observation, Parameter, Parameters, Sighting, tilt_standard_error,
 };
 use helio_core::{EnuUnit, TargetPlane};
+use helio_io::calibrate::OK;
 use helio_io::{CalibratedSet, JointColumns, errors_as_written};
 use rayon::prelude::*;
 
-use super::{OK, Run, days_of};
+use super::{Run, days_of};
 use crate::commands::calibrate::LOWEST_SUN_RAD;
 use crate::failure::Failure;
 use crate::plan::{SunClock, toward};

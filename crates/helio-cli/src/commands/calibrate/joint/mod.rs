@@ -11,6 +11,7 @@ mod update;
 
 use helio_calib::joint::{DAY_NS, Foretold, Spell, StepKind, too_late};
 use helio_calib::{CalibrationError, Mount, Observation};
+use helio_io::calibrate::OK;
 use helio_io::output::{Destination, Format};
 use helio_io::{
     AtomicFile, CalibratedSet, KeptMount, LoadedField, Observations, Provenance, format_time,
@@ -19,7 +20,7 @@ use helio_io::{
 use super::changes::{earlier, median};
 use super::proposals::Proposals;
 use super::resume::{hash_files, hash_text};
-use super::{OK, SAID, different_outputs, observed, report_file};
+use super::{SAID, different_outputs, observed, report_file};
 use crate::Outcome;
 use crate::args::CalibrateArgs;
 use crate::failure::Failure;

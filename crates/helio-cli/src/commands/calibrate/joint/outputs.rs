@@ -3,6 +3,7 @@
 use helio_calib::joint::{CommonCause, DAY_NS, FieldState, StepKind, Worth, ZeroPoint};
 use helio_calib::{CalibrationError, Candidate, Duty, PlanOptions, Proposal};
 use helio_core::TargetPlane;
+use helio_io::calibrate::{Rejected, write_rejected};
 use helio_io::{CalibratedSet, Observations, Provenance, format_time, write_calibration};
 use helio_report::joint::joint_page;
 use rayon::prelude::*;
@@ -13,9 +14,9 @@ use super::said::STOPPED;
 use super::{Asked, Judged, Run};
 use crate::commands::calibrate::changes::changes;
 use crate::commands::calibrate::proposals::Proposals;
-use crate::commands::calibrate::rejected::{Rejected, write_rejected};
 use crate::commands::calibrate::write_page;
 use crate::failure::Failure;
+use crate::plan;
 
 /// See [`Found::zeros`].
 pub(super) type Zeros<'a> =
@@ -74,7 +75,9 @@ impl Run<'_> {
         }
         if let Some(path) = &args.rejected {
             let rows = rejected(found.judged, observations);
-            write_rejected(path, rows, &self.loaded, observations, self.printer)?;
+            let format = plan::format(Some(path), None)?;
+            let destination = plan::destination(Some(path), format, &[], self.printer)?;
+            write_rejected(destination, format, rows, &self.loaded, observations)?;
         }
         let proposals = asked.proposals.as_ref();
         if let Some(proposals) = proposals {

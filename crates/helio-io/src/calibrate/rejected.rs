@@ -1,30 +1,30 @@
 //! The records that were left aside.
 
-use std::path::Path;
-
-use helio_io::output::{Cells, write_columns};
-use helio_io::{LeftAsideReason, LoadedField, Observations};
-
-use super::Run;
-use crate::calibration::Done;
-use crate::failure::Failure;
-use crate::plan;
-use crate::printer::Printer;
+use super::{Done, Run};
+use crate::IoError;
+use crate::field::LoadedField;
+use crate::observations::{LeftAsideReason, Observations};
+use crate::output::{Cells, Destination, Format, write_columns};
 
 /// A record that was set aside.
-pub(super) struct Rejected {
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rejected {
     /// Which record of the file.
     pub record: usize,
     /// Row of its heliostat in the field.
     pub row: usize,
+    /// How far its beam was off \[mrad\].
     pub beam_mrad: f64,
+    /// In a word.
     pub reason: String,
     /// In words.
     pub why: String,
 }
 
 impl Run<'_> {
-    pub(super) fn rejected(&self, done: &[Done]) -> Vec<Rejected> {
+    /// The records that the calibration of heliostats set aside.
+    #[must_use]
+    pub fn rejected(&self, done: &[Done]) -> Vec<Rejected> {
         let mut rows = Vec::new();
         for one in done {
             let of = &self.observations.heliostats[one.index];
@@ -40,16 +40,17 @@ impl Run<'_> {
     }
 }
 
-/// Writes the records that a calibration set aside, and those that were no use from the first.
-pub(super) fn write_rejected(
-    path: &Path,
+/// Writes the records that a calibration set aside, and those that were no use from the first; the number of bytes.
+///
+/// # Errors
+/// [`IoError`] if it cannot be written, or if the observations are not those of their file.
+pub fn write_rejected(
+    destination: Destination,
+    format: Format,
     mut rows: Vec<Rejected>,
     loaded: &LoadedField,
     observations: &Observations,
-    printer: &Printer,
-) -> Result<(), Failure> {
-    let format = plan::format(Some(path), None)?;
-    let destination = plan::destination(Some(path), format, &[], printer)?;
+) -> Result<u64, IoError> {
     for aside in &observations.left_aside {
         let why = match aside.reason {
             LeftAsideReason::Duplicate { of } => {
@@ -81,7 +82,7 @@ pub(super) fn write_rejected(
         .iter()
         .map(|row| observations.record_id(row.record).unwrap_or("").to_owned())
         .collect();
-    let lines: Result<Vec<Option<i64>>, Failure> = rows
+    let lines: Result<Vec<Option<i64>>, IoError> = rows
         .iter()
         .map(|row| Ok(i64::try_from(observations.line(row.record)?).ok()))
         .collect();
@@ -98,6 +99,5 @@ pub(super) fn write_rejected(
         ("reason", Cells::Text(&reasons)),
         ("why", Cells::Text(&whys)),
     ]);
-    write_columns(destination, format, &columns)?;
-    Ok(())
+    write_columns(destination, format, &columns)
 }

@@ -1,12 +1,17 @@
 //! What the calibration of one heliostat came to, as it is kept between runs.
 
 use helio_core::{MountErrors, PoseErrors};
-use helio_io::CalibratedSet;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use super::OK;
+use crate::calibrated::CalibratedSet;
 
 /// A double that is kept bit by bit, NaN and all.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Exact(pub(crate) f64);
+pub struct Exact(
+    /// The double.
+    pub f64,
+);
 
 impl Serialize for Exact {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
@@ -22,83 +27,111 @@ impl<'de> Deserialize<'de> for Exact {
 
 /// A calibrated heliostat.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub(crate) struct Done {
+pub struct Done {
     /// Which of the heliostats with observations.
-    pub(crate) index: usize,
-    pub(crate) sets: Vec<DoneSet>,
-    pub(crate) rejected: Vec<Left>,
+    pub index: usize,
+    /// Its parameter sets.
+    pub sets: Vec<DoneSet>,
+    /// Records set aside.
+    pub rejected: Vec<Left>,
     /// In words.
-    pub(crate) findings: Vec<String>,
+    pub findings: Vec<String>,
     /// Numbers of sets over the day that were compared, for each epoch in turn.
-    pub(crate) choices: Vec<Choice>,
+    pub choices: Vec<Choice>,
 }
 
 /// A number of sets over the day.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub(crate) struct Choice {
-    pub(crate) sets: usize,
-    pub(crate) chosen: bool,
-    pub(crate) beam_rms_mrad: Exact,
-    pub(crate) unseen_rms_mrad: Option<Exact>,
+pub struct Choice {
+    /// The number.
+    pub sets: usize,
+    /// Whether it was taken.
+    pub chosen: bool,
+    /// RMS error of the beam in the records \[mrad\].
+    pub beam_rms_mrad: Exact,
+    /// The same on days left out of the fit.
+    pub unseen_rms_mrad: Option<Exact>,
 }
 
 /// A parameter set.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub(crate) struct DoneSet {
-    pub(crate) name: String,
-    pub(crate) status: String,
-    pub(crate) why: String,
-    pub(crate) valid_from_ns: Option<i64>,
-    pub(crate) valid_to_ns: Option<i64>,
-    pub(crate) hours_rad: Option<[Option<Exact>; 2]>,
+pub struct DoneSet {
+    /// Empty where there is but one.
+    pub name: String,
+    /// `ok`, or what is wrong.
+    pub status: String,
+    /// What is wrong, in words.
+    pub why: String,
+    /// First instant at which it holds \[ns of Unix time\].
+    pub valid_from_ns: Option<i64>,
+    /// First instant at which it holds no longer.
+    pub valid_to_ns: Option<i64>,
+    /// Hour angles between which it holds \[rad\].
+    pub hours_rad: Option<[Option<Exact>; 2]>,
     /// In the order of the table's columns \[rad\].
-    pub(crate) errors: [Exact; 6],
-    pub(crate) mirror_offset_m: Exact,
+    pub errors: [Exact; 6],
+    /// Pivot to mirror centre \[m\].
+    pub mirror_offset_m: Exact,
     /// Numbers of the parameters that were fitted.
-    pub(crate) free: Vec<u8>,
+    pub free: Vec<u8>,
     /// In the order of the table's columns \[rad, m\].
-    pub(crate) sigmas: [Exact; 7],
-    pub(crate) covariance: [[Exact; 7]; 7],
-    pub(crate) rms_mrad: Exact,
-    pub(crate) beam_rms_mrad: Exact,
-    pub(crate) iterations: usize,
-    pub(crate) condition: Exact,
-    pub(crate) rank: usize,
-    pub(crate) degrees_of_freedom: usize,
-    pub(crate) sigma: Exact,
-    pub(crate) year_pointing_mrad: Exact,
+    pub sigmas: [Exact; 7],
+    /// In the order of [`helio_calib::Parameter::ALL`].
+    pub covariance: [[Exact; 7]; 7],
+    /// Residual over the distance from pivot to target \[mrad\].
+    pub rms_mrad: Exact,
+    /// Residual as seen from the mirror \[mrad\].
+    pub beam_rms_mrad: Exact,
+    /// Steps of the last fit.
+    pub iterations: usize,
+    /// Condition of its scaled normal matrix.
+    pub condition: Exact,
+    /// Parameters that the records determine.
+    pub rank: usize,
+    /// Components less parameters.
+    pub degrees_of_freedom: usize,
+    /// Standard deviation of a residual of weight one.
+    pub sigma: Exact,
+    /// Uncertainty of the pointing over the year \[mrad\].
+    pub year_pointing_mrad: Exact,
     /// In words.
-    pub(crate) weakness: String,
+    pub weakness: String,
     /// Observations of the heliostat that it is fitted to.
-    pub(crate) rows: Vec<usize>,
+    pub rows: Vec<usize>,
 }
 
 /// A rejected record.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub(crate) struct Left {
+pub struct Left {
     /// Which observation of the heliostat.
-    pub(crate) row: usize,
-    pub(crate) beam_mrad: Exact,
-    /// Its word and its words.
-    pub(crate) reason: String,
-    pub(crate) words: String,
+    pub row: usize,
+    /// How far the beam was off \[mrad\].
+    pub beam_mrad: Exact,
+    /// Its word.
+    pub reason: String,
+    /// Its words.
+    pub words: String,
 }
 
 impl Done {
     /// One line of text.
-    pub(crate) fn to_line(&self) -> String {
+    #[must_use]
+    pub fn to_line(&self) -> String {
         // Of numbers, texts and lists: nothing here can fail.
         serde_json::to_string(self).unwrap_or_default()
     }
 
     /// What [`to_line`](Self::to_line) wrote.
-    pub(crate) fn from_line(line: &str) -> Option<Self> {
+    #[must_use]
+    pub fn from_line(line: &str) -> Option<Self> {
         serde_json::from_str(line).ok()
     }
 }
 
 impl DoneSet {
-    pub(crate) fn without_result(status: &str, why: &str) -> Self {
+    /// A heliostat or a stretch of time without a fit, and why.
+    #[must_use]
+    pub fn without_result(status: &str, why: &str) -> Self {
         const NONE: Exact = Exact(f64::NAN);
         Self {
             name: String::new(),
@@ -126,12 +159,14 @@ impl DoneSet {
     }
 
     /// True if there was a fit.
-    pub(crate) fn is_fitted(&self) -> bool {
+    #[must_use]
+    pub fn is_fitted(&self) -> bool {
         self.errors[0].0.is_finite()
     }
 
     /// `, set NAME` where it has one.
-    pub(crate) fn of(&self) -> String {
+    #[must_use]
+    pub fn of(&self) -> String {
         if self.name.is_empty() {
             String::new()
         } else {
@@ -139,7 +174,9 @@ impl DoneSet {
         }
     }
 
-    pub(crate) fn mount_errors(&self) -> MountErrors {
+    /// Its errors.
+    #[must_use]
+    pub fn mount_errors(&self) -> MountErrors {
         let [tilt, lean, skew, mirror, azimuth, elevation] = self.errors.map(|e| e.0);
         MountErrors {
             pedestal_tilt_rad: tilt,
@@ -153,8 +190,9 @@ impl DoneSet {
 
     /// Its row of the table; the parameters only if they may be used, with the pose errors that they were fitted
     /// with.
-    pub(crate) fn to_table(&self, id: &str, pose_errors: PoseErrors) -> CalibratedSet {
-        let good = self.status == crate::commands::calibrate::OK;
+    #[must_use]
+    pub fn to_table(&self, id: &str, pose_errors: PoseErrors) -> CalibratedSet {
+        let good = self.status == OK;
         let offset = self
             .free
             .contains(&(helio_calib::Parameter::MirrorOffset as u8));

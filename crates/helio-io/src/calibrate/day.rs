@@ -9,12 +9,11 @@ use helio_calib::{
     Mount, Observation, Parameter, Parameters, Start, Uncertainty, beam_errors_mrad,
 };
 use helio_core::angle::wrap_pi;
-use helio_io::{HeliostatObservations, errors_as_written};
 
-use super::OK;
-use crate::calibration::{Choice, DoneSet, Exact};
-use crate::failure::Failure;
-use crate::plan::degrees_as_written;
+use super::{Choice, DoneSet, Exact, OK, RunError};
+use crate::calibrated::errors_as_written;
+use crate::observations::HeliostatObservations;
+use crate::times::degrees_as_written;
 
 /// Noise of records that leave nothing to tell it by, beside priors \[mrad\].
 const UNTOLD_NOISE_MRAD: f64 = 1.0;
@@ -29,7 +28,8 @@ fn same(one: &Parameters, other: &Parameters) -> bool {
 }
 
 /// True if nothing states how sure the observations of a heliostat are.
-pub(super) fn without_sigmas(of: &HeliostatObservations) -> bool {
+#[must_use]
+pub fn without_sigmas(of: &HeliostatObservations) -> bool {
     of.observations.iter().all(|seen| seen.sigma_m.is_none())
 }
 
@@ -106,7 +106,7 @@ pub(super) fn weighed<'a>(
     mount: &Mount,
     context: &Context<'_>,
     options: &CalibrateOptions,
-) -> Result<Weighed<'a>, Failure> {
+) -> Result<Weighed<'a>, RunError> {
     let is_prior = |constraint: &Constraint| matches!(constraint, Constraint::Prior { .. });
     if !options.fit.constraints.iter().any(is_prior) {
         return Ok(Weighed::as_it_is(of));
@@ -219,7 +219,7 @@ pub(super) struct Day<'a> {
 impl Day<'_> {
     /// Divides an epoch where more sets do better than the one that it has. Each set passes the gate that the
     /// common one has passed; in the hours of one that does not, the common set holds.
-    pub(super) fn divide(&mut self, whole: DoneSet) -> Result<(), Failure> {
+    pub(super) fn divide(&mut self, whole: DoneSet) -> Result<(), RunError> {
         let kept: Vec<Observation> = whole
             .rows
             .iter()
@@ -326,7 +326,7 @@ impl Day<'_> {
         set: &HourSet,
         common: &Parameters,
         common_mrad: f64,
-    ) -> Result<Result<DoneSet, String>, Failure> {
+    ) -> Result<Result<DoneSet, String>, RunError> {
         if seen.is_empty() {
             return Ok(Err("there are no records of these hours".to_owned()));
         }

@@ -1,0 +1,320 @@
+"""``calibrate`` and what it found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from helio_py._errors import DataTypeError, OptionError
+from helio_py._native import Field, _calibrate, _write_table
+from helio_py._progress import reporter
+from helio_py._tables import Column, given_back, kind_of
+
+if TYPE_CHECKING:
+    from os import PathLike
+
+    from numpy.typing import NDArray
+
+_ERRORS = (
+    "pedestal_tilt_rad",
+    "pedestal_tilt_azimuth_rad",
+    "axis_nonorthogonality_rad",
+    "mirror_tilt_rad",
+    "azimuth_reference_rad",
+    "elevation_reference_rad",
+)
+_TABLES = ("calibration", "rejected", "residuals")
+
+
+class Calibration:
+    """The errors of heliostats as observations tell them: k parameter sets, one for most heliostats.
+
+    Made by ``calibrate``. A set whose status is not ok keeps its place and has NaN for its errors; ``why`` says what is
+    wrong in words.
+    """
+
+    def __init__(self, found: dict[str, Any], kind: str) -> None:
+        """Of what the native part found; not for users."""
+        self._found = found
+        self._kind = kind
+        self._columns: dict[str, tuple[str, Any]] = {
+            name: (holds, cells) for name, holds, cells in found["calibration"]
+        }
+
+    def _text(self, name: str) -> list[str]:
+        return list(self._columns[name][1])
+
+    def _numbers(self, name: str) -> NDArray[np.float64]:
+        return np.array(self._columns[name][1], dtype=np.float64)
+
+    def __len__(self) -> int:
+        return len(self._columns["id"][1])
+
+    def __repr__(self) -> str:
+        ok = self.status.count("ok")
+        return f"<Calibration of {len(self)} sets: {ok} ok, {len(self) - ok} not>"
+
+    @property
+    def ids(self) -> list[str]:
+        """Heliostat of each set."""
+        return self._text("id")
+
+    @property
+    def sets(self) -> list[str]:
+        """Name of each set; empty where a heliostat has but one."""
+        return self._text("set")
+
+    @property
+    def status(self) -> list[str]:
+        """Word for what became of each set: "ok", or why there is no result."""
+        return self._text("status")
+
+    @property
+    def why(self) -> list[str]:
+        """The same in a sentence; empty for what is ok."""
+        return self._text("why")
+
+    def _error(self, number: int) -> NDArray[np.float64]:
+        return np.ascontiguousarray(self._found["errors"][:, number])
+
+    @property
+    def pedestal_tilt_rad(self) -> NDArray[np.float64]:
+        """Lean of the fixed axis [rad], shape (k,)."""
+        return self._error(0)
+
+    @property
+    def pedestal_tilt_azimuth_rad(self) -> NDArray[np.float64]:
+        """Where the fixed axis leans to [rad]."""
+        return self._error(1)
+
+    @property
+    def axis_nonorthogonality_rad(self) -> NDArray[np.float64]:
+        """Moving axis away from square to the fixed axis [rad]."""
+        return self._error(2)
+
+    @property
+    def mirror_tilt_rad(self) -> NDArray[np.float64]:
+        """Mirror plane away from parallel with the moving axis [rad]."""
+        return self._error(3)
+
+    @property
+    def azimuth_reference_rad(self) -> NDArray[np.float64]:
+        """Reference of the first axis' encoder [rad]."""
+        return self._error(4)
+
+    @property
+    def elevation_reference_rad(self) -> NDArray[np.float64]:
+        """Reference of the second axis' encoder [rad]."""
+        return self._error(5)
+
+    @property
+    def mirror_offset_m(self) -> NDArray[np.float64]:
+        """Pivot to mirror centre [m]; NaN where it was not fitted."""
+        return np.array(self._found["mirror_offset_m"])
+
+    @property
+    def sigma(self) -> dict[str, NDArray[np.float64]]:
+        """One standard deviation of each parameter, by its name [rad, m]; NaN where it was not fitted."""
+        names = (*_ERRORS, "mirror_offset_m")
+        return {name: np.ascontiguousarray(self._found["sigmas"][:, k]) for k, name in enumerate(names)}
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """Covariance of the fitted parameters, shape (k, 7, 7) [rad, m].
+
+        In the order tilt along both of the mount's axes, azimuth reference, axis non-orthogonality, elevation
+        reference, mirror tilt, mirror offset.
+        """
+        return np.array(self._found["covariance"])
+
+    @property
+    def rms_mrad(self) -> NDArray[np.float64]:
+        """Root mean square of the residuals over the distance from pivot to target [mrad]."""
+        return self._numbers("rms_mrad")
+
+    @property
+    def beam_rms_mrad(self) -> NDArray[np.float64]:
+        """The same of the angle between beam and spot as seen from the mirror [mrad]."""
+        return self._numbers("beam_rms_mrad")
+
+    @property
+    def year_pointing_mrad(self) -> NDArray[np.float64]:
+        """How uncertain the pointing over the year is [mrad]."""
+        return self._numbers("year_pointing_mrad")
+
+    @property
+    def observations(self) -> NDArray[np.int64]:
+        """Records that each set is fitted to."""
+        return np.array(self._columns["observations"][1])
+
+    @property
+    def rejected(self) -> NDArray[np.int64]:
+        """Records set aside."""
+        return np.array(self._columns["rejected"][1])
+
+    @property
+    def findings(self) -> list[tuple[str, str]]:
+        """What else was found: heliostat and sentence."""
+        return list(self._found["findings"])
+
+    @property
+    def warnings(self) -> list[str]:
+        """Things worth saying about the observations, that stop nothing."""
+        return list(self._found["warnings"])
+
+    def _table(self, kind: str) -> list[Column]:
+        if kind not in _TABLES:
+            error = OptionError(f"kind: wanted {', '.join(_TABLES[:-1])} or {_TABLES[-1]}, got `{kind}`")
+            error.field = "kind"
+            raise error
+        columns: list[Column] = self._found[kind]
+        return columns
+
+    def to_table(self, kind: str = "calibration") -> Any:
+        """A table of the kind that the observations were given as; a dict of arrays for a dict or a path.
+
+        Parameters
+        ----------
+        kind : str, default "calibration"
+            "calibration", the table that ``helio-rs track`` reads; "rejected", the records set aside and why; or
+            "residuals", for every record the spot seen (`u_m`, `v_m`), where its beam should have landed
+            (`predicted_u_m`, `predicted_v_m`) and where by the errors of the field before (`before_u_m`,
+            `before_v_m`), with the angles to both [mrad].
+        """
+        return given_back(self._table(kind), self._kind)
+
+    def write(self, path: str | PathLike[str], kind: str = "calibration") -> None:
+        """Writes a table, as the command line does; .csv, .parquet, .json or .jsonl."""
+        _write_table(path, self._table(kind))
+
+    def apply(self, field: Field) -> Field:
+        """The field with this calibration in the place of the one its files name.
+
+        As if `field.toml` named the written table: heliostats without a result keep what the layout states. The field
+        must have been read from files, and these must not have changed.
+        """
+        return field._calibrated(self._found["calibration"])
+
+
+def _words(name: str, value: Any) -> list[str]:
+    if isinstance(value, str):
+        return [value]
+    if isinstance(value, Iterable) and not isinstance(value, (bytes, Mapping)):
+        words = list(value)
+        if all(isinstance(word, str) for word in words):
+            return words
+    error = DataTypeError(f"{name}: expected str or a sequence of str, got {type(value).__name__}")
+    error.field = name
+    raise error
+
+
+def _priors(prior: Any) -> list[str]:
+    if not isinstance(prior, Mapping):
+        return _words("prior", prior)
+    words = []
+    for name, value in prior.items():
+        try:
+            mean, sigma = (float(number) for number in value)
+        except (TypeError, ValueError):
+            error = DataTypeError(f"prior: {name}: expected a mean and a standard deviation, got {value!r}")
+            error.field = "prior"
+            raise error from None
+        words.append(f"{name}={mean!r}:{sigma!r}")
+    return words
+
+
+def calibrate(
+    field: Field,
+    observations: Any,
+    *,
+    spots: Any | None = None,
+    solver: str = "hartley-meyer",
+    residual: str = "components",
+    robust: str = "none",
+    sets: str | int = "1",
+    fit_mirror_offset: bool = False,
+    hold: str | Iterable[str] = (),
+    prior: Mapping[str, tuple[float, float]] | Iterable[str] = (),
+    keep_all: bool = False,
+    no_jumps: bool = False,
+    max_year_pointing_mrad: float = 2.0,
+    progress: Callable[[int, int], Any] | bool | None = None,
+) -> Calibration:
+    """The angular errors of every heliostat from observations of its spot, heliostat by heliostat.
+
+    Parameters
+    ----------
+    field : Field
+        Read from files: observations name its targets.
+    observations : table
+        Columns `heliostat_id`, `time` (with zone) or `sun_azimuth_deg, sun_elevation_deg`, encoder angles
+        `axis1_deg, axis2_deg` or motor steps `axis1_steps, axis2_steps`, `target`, the spot as `u_m, v_m` or
+        `spot_east_m, spot_north_m, spot_up_m`, and optionally `sigma_m`. A pandas, polars or pyarrow table, anything
+        else with ``__arrow_c_stream__``, a dict of columns, or the path of a CSV or Parquet file.
+    spots : table, optional
+        Spots of the frames that the observations name in a column `file`, as ``helio-rs spot`` writes them.
+    solver : str, default "hartley-meyer"
+        Or "gauss-newton" (Guo 2015).
+    residual : str, default "components"
+        What is made small: both components of each spot, their "distance" as in the paper, or those across the
+        "beam".
+    robust : str, default "none"
+        How much large residuals count in the last fit: "none", "huber", "student-t" or "cauchy".
+    sets : str or int, default 1
+        Parameter sets over the day: 1, 2, or "auto" for as many as predict unseen days best.
+    fit_mirror_offset : bool, default False
+        Whether the mirror offset is a seventh parameter.
+    hold : str or sequence of str, optional
+        Parameters to keep as the field states them: "pedestal_tilt", "axis_nonorthogonality", "mirror_tilt",
+        "azimuth_reference", "elevation_reference", "mirror_offset".
+    prior : mapping, optional
+        Mean and standard deviation of parameters by those names [degrees; metres for "mirror_offset"].
+    keep_all : bool, default False
+        Whether every record that is a number is kept.
+    no_jumps : bool, default False
+        Whether no jumps of the encoder references are looked for.
+    max_year_pointing_mrad : float, default 2
+        Parameters whose predicted pointing over the year is more uncertain are refused.
+    progress : callable or True, optional
+        Called with the numbers of heliostats done and of all; True for a bar of tqdm.
+
+    Returns
+    -------
+    Calibration
+
+    Raises
+    ------
+    FileError, OptionError, DataTypeError, MissingError, CalibrationError
+
+    Notes
+    -----
+    The numbers of ``helio-rs calibrate`` on the same table to the last bit. Ctrl-C ends it after the heliostats at hand.
+
+    Examples
+    --------
+    >>> import helio_py as hp
+    >>> field = hp.Field.from_toml("examples/field.toml")
+    >>> calibration = hp.calibrate(field, "examples/observations.csv")
+    >>> calibration.status[0]
+    'ok'
+    >>> calibrated = calibration.apply(field)
+    >>> bool(calibrated.mirror_tilt_rad[0] == calibration.mirror_tilt_rad[0])
+    True
+    """
+    words = {
+        "solver": solver,
+        "residual": residual,
+        "robust": robust,
+        "sets": str(sets),
+        "fit_mirror_offset": fit_mirror_offset,
+        "hold": _words("hold", hold),
+        "prior": _priors(prior),
+        "keep_all": keep_all,
+        "no_jumps": no_jumps,
+        "max_year_pointing_mrad": max_year_pointing_mrad,
+    }
+    with reporter(progress, "heliostats") as report:
+        found = _calibrate(field, observations, spots, words, report)
+    return Calibration(found, kind_of(observations))

@@ -1,0 +1,297 @@
+//! `calibrate`: the typed call and its answer are in `helio_py._calibrate`.
+
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use helio_calib::schedule::Sets;
+use helio_io::calibrate::{
+    AHEAD_NS, Asked, Done, FitWords, Residual, Run, RunError, write_rejected,
+};
+use helio_io::output::{Destination, Format, KeptCells, KeptColumns};
+use helio_io::{
+    CalibratedSet, LoadedField, Observations, Provenance, Sha256, load_observations_with_spots,
+    load_spots, write_calibration,
+};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+use rayon::prelude::*;
+
+use crate::array::owned;
+use crate::failure::Failure;
+use crate::field::PyField;
+use crate::guard::guarded;
+use crate::table::{Given, handed_out};
+use crate::watch::watched;
+
+/// Options as the keywords of `calibrate` have them.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct FitAsked {
+    solver: String,
+    residual: String,
+    robust: String,
+    sets: String,
+    fit_mirror_offset: bool,
+    hold: Vec<String>,
+    prior: Vec<String>,
+    keep_all: bool,
+    no_jumps: bool,
+    max_year_pointing_mrad: f64,
+}
+
+impl From<FitAsked> for FitWords {
+    fn from(asked: FitAsked) -> Self {
+        Self {
+            solver: asked.solver,
+            residual: asked.residual,
+            robust: asked.robust,
+            sets: asked.sets,
+            fit_mirror_offset: asked.fit_mirror_offset,
+            hold: asked.hold,
+            prior: asked.prior,
+            keep_all: asked.keep_all,
+            no_jumps: asked.no_jumps,
+            max_year_pointing_mrad: asked.max_year_pointing_mrad,
+        }
+    }
+}
+
+impl From<RunError> for Failure {
+    fn from(error: RunError) -> Self {
+        match error {
+            RunError::Io(error) => error.into(),
+            RunError::Calibration(error) => Self::new("CalibrationError", error.to_string()),
+            refused => of_option(&refused.to_string()),
+        }
+    }
+}
+
+/// A refusal that names options as the command line does, in the names of keywords.
+fn of_option(message: &str) -> Failure {
+    let words: Vec<String> = message
+        .split(' ')
+        .map(|word| match word.strip_prefix("--") {
+            Some(option) => option.replace('-', "_"),
+            None => word.to_owned(),
+        })
+        .collect();
+    let first = words[0].trim_end_matches(':').to_owned();
+    let rest = words[1..].join(" ");
+    Failure::of("OptionError", &first, rest)
+}
+
+fn hash_text(text: &str) -> String {
+    let mut hash = Sha256::default();
+    hash.update(text.as_bytes());
+    hash.finish()
+}
+
+/// What was found.
+struct Found {
+    sets: Vec<CalibratedSet>,
+    calibration: KeptColumns,
+    rejected: KeptColumns,
+    residuals: Vec<(String, KeptCells)>,
+    findings: Vec<(String, String)>,
+    warnings: Vec<String>,
+}
+
+/// Calibrates a field; tables as lists of columns, numbers as arrays.
+#[pyfunction]
+pub(crate) fn _calibrate<'py>(
+    py: Python<'py>,
+    field: &Bound<'py, PyAny>,
+    observations: &Bound<'py, PyAny>,
+    spots: Option<&Bound<'py, PyAny>>,
+    words: FitAsked,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    guarded(|| {
+        let inner = PyField::of(field)?.get().inner();
+        let Some((loaded, hashes)) = inner.files_read() else {
+            let message = "field: observations are of targets, which only a field read from files has: Field.from_toml";
+            return Err(Failure::new("MissingError", message));
+        };
+        let observations = Given::of(observations, "observations")?;
+        let spots = spots.map(|spots| Given::of(spots, "spots")).transpose()?;
+        let words = FitWords::from(words);
+        let asked = Asked::new(&words)?;
+        if asked.sets() != Sets::One && loaded.site.is_none() {
+            return Err(of_option(
+                "--sets: sets over the day go by the sun's hour angle, which needs the latitude from [site]",
+            ));
+        }
+        let field_hash = hash_text(&hashes.join(" "));
+        let found = watched(py, progress.as_ref(), |watch| {
+            let (observations, observations_hash) =
+                observed(&observations, spots.as_ref(), loaded)?;
+            let run = Run {
+                loaded,
+                observations: &observations,
+                asked: &asked,
+            };
+            let provenance = Provenance {
+                version: env!("CARGO_PKG_VERSION").to_owned(),
+                solver: words.solver.clone(),
+                residual: words.residual.clone(),
+                robust: words.robust.clone(),
+                field_hash,
+                observations_hash,
+                options_hash: words.hash(),
+            };
+            found(&run, &provenance, watch)
+        })??;
+        answer(py, found)
+    })
+}
+
+/// The observations that can be used, which are some, and a hash of them.
+fn observed(
+    observations: &Given,
+    spots: Option<&Given>,
+    loaded: &LoadedField,
+) -> Result<(Observations, String), Failure> {
+    let source = observations.source();
+    let mut hash = source.hash()?;
+    let table = match spots {
+        Some(spots) => {
+            let of_spots = spots.source().hash()?;
+            hash = hash_text(&format!("{hash} {of_spots}"));
+            Some(load_spots(spots.source())?)
+        }
+        None => None,
+    };
+    let mut observations = load_observations_with_spots(source, table.as_ref(), loaded)?;
+    let now = SystemTime::now().duration_since(UNIX_EPOCH);
+    let now_ns = now.map_or(0, |since| {
+        i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
+    });
+    observations.leave_aside_after(now_ns.saturating_add(AHEAD_NS))?;
+    if observations.is_empty() {
+        let records = observations.records;
+        let message = format!("none of its {records} records can be used");
+        return Err(Failure::of("MissingError", "observations", message));
+    }
+    Ok((observations, hash))
+}
+
+fn found(
+    run: &Run<'_>,
+    provenance: &Provenance,
+    watch: &(dyn Fn(u64, u64) -> bool + Sync),
+) -> Result<Found, Failure> {
+    let total = run.observations.heliostats.len();
+    let one = |index: usize| -> Result<Option<Done>, Failure> {
+        if !watch(0, total as u64) {
+            return Ok(None); // the user's signal is what is raised
+        }
+        let done = run.one(index)?;
+        watch(1, total as u64);
+        Ok(Some(done))
+    };
+    let all: Vec<Result<Option<Done>, Failure>> = (0..total)
+        .into_par_iter()
+        .with_max_len(1)
+        .map(one)
+        .collect();
+    // In the order of the field, whoever was first; and of several failures the first.
+    let all = all.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let done: Vec<Done> = all.into_iter().flatten().collect();
+    let sets: Vec<CalibratedSet> = done.iter().flat_map(|done| run.sets(done)).collect();
+    let keep = |kept: &KeptColumns| Destination::Columns(kept.clone());
+    let (calibration, rejected) = (KeptColumns::default(), KeptColumns::default());
+    write_calibration(keep(&calibration), Format::Csv, &sets, provenance)?;
+    let left = run.rejected(&done);
+    write_rejected(
+        keep(&rejected),
+        Format::Csv,
+        left,
+        run.loaded,
+        run.observations,
+    )?;
+    let mut residuals: Vec<Residual> = done.iter().flat_map(|done| run.residuals(done)).collect();
+    residuals.sort_by_key(|residual| residual.record);
+    let findings = done.iter().flat_map(|done| {
+        let id = run.id(done.index);
+        let findings = done.findings.iter();
+        findings.map(move |finding| (id.to_owned(), finding.clone()))
+    });
+    Ok(Found {
+        residuals: residual_columns(&residuals, run),
+        findings: findings.collect(),
+        warnings: run.observations.warnings.clone(),
+        sets,
+        calibration,
+        rejected,
+    })
+}
+
+fn residual_columns(residuals: &[Residual], run: &Run<'_>) -> Vec<(String, KeptCells)> {
+    let numbers =
+        |of: &dyn Fn(&Residual) -> f64| KeptCells::Numbers(residuals.iter().map(of).collect());
+    let texts =
+        |of: &dyn Fn(&Residual) -> String| KeptCells::Text(residuals.iter().map(of).collect());
+    let whole = residuals.iter().map(|r| i64::try_from(r.record).ok());
+    [
+        ("id", texts(&|r| run.loaded.field.ids()[r.row].clone())),
+        ("record", KeptCells::Whole(whole.collect())),
+        (
+            "time",
+            KeptCells::Times(residuals.iter().map(|r| r.unix_ns).collect()),
+        ),
+        (
+            "target",
+            texts(&|r| run.observations.targets[r.target].0.clone()),
+        ),
+        ("u_m", numbers(&|r| r.seen_m[0])),
+        ("v_m", numbers(&|r| r.seen_m[1])),
+        ("predicted_u_m", numbers(&|r| r.predicted_m[0])),
+        ("predicted_v_m", numbers(&|r| r.predicted_m[1])),
+        ("beam_mrad", numbers(&|r| r.beam_mrad)),
+        ("before_u_m", numbers(&|r| r.before_m[0])),
+        ("before_v_m", numbers(&|r| r.before_m[1])),
+        ("before_mrad", numbers(&|r| r.before_mrad)),
+    ]
+    .map(|(name, cells)| (name.to_owned(), cells))
+    .into()
+}
+
+fn answer(py: Python<'_>, found: Found) -> Result<Bound<'_, PyDict>, Failure> {
+    let rows = found.sets.len();
+    let errors: Vec<f64> = found
+        .sets
+        .iter()
+        .flat_map(|set| match &set.errors {
+            None => [f64::NAN; 6],
+            Some(e) => [
+                e.pedestal_tilt_rad,
+                e.pedestal_tilt_azimuth_rad,
+                e.axis_nonorthogonality_rad,
+                e.mirror_tilt_rad,
+                e.azimuth_reference_rad,
+                e.elevation_reference_rad,
+            ],
+        })
+        .collect();
+    let offsets = found.sets.iter();
+    let offsets: Vec<f64> = offsets
+        .map(|set| set.mirror_offset_m.unwrap_or(f64::NAN))
+        .collect();
+    let sigmas: Vec<f64> = found.sets.iter().flat_map(|set| set.sigmas).collect();
+    let covariance: Vec<f64> = found
+        .sets
+        .iter()
+        .flat_map(|set| set.covariance.unwrap_or([[f64::NAN; 7]; 7]))
+        .flatten()
+        .collect();
+    let dict = PyDict::new(py);
+    dict.set_item("calibration", handed_out(py, found.calibration.take())?)?;
+    dict.set_item("rejected", handed_out(py, found.rejected.take())?)?;
+    dict.set_item("residuals", handed_out(py, found.residuals)?)?;
+    dict.set_item("findings", PyList::new(py, found.findings)?)?;
+    dict.set_item("warnings", found.warnings)?;
+    dict.set_item("errors", owned(py, errors, &[rows, 6])?)?;
+    dict.set_item("mirror_offset_m", owned(py, offsets, &[rows])?)?;
+    dict.set_item("sigmas", owned(py, sigmas, &[rows, 7])?)?;
+    dict.set_item("covariance", owned(py, covariance, &[rows, 7, 7])?)?;
+    Ok(dict)
+}
