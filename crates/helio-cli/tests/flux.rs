@@ -702,9 +702,9 @@ fn what_cannot_be_done_is_refused_with_its_reason() {
 #[test]
 fn a_convolution_keeps_its_power() {
     let folder = Folder::empty();
-    let nodes = "id,x_m,y_m,z_m\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,2,0,0\n6,2,1,0\n";
+    let nodes = "node,x_m,y_m,z_m\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,2,0,0\n6,2,1,0\n";
     folder.write("nodes.csv", nodes);
-    folder.write("elements.csv", "id,n1,n2,n3,n4\n1,1,2,3,4\n2,2,5,6,3\n");
+    folder.write("elements.csv", "element,node1,node2,node3,node4\n1,1,2,3,4\n2,2,5,6,3\n");
     for (points, bins) in [(1, 1), (2, 3), (5, 4)] {
         for sun in ["[0, 0, 1]", "[0.9, 0, 0.5]"] {
             let up = if sun == "[0, 0, 1]" {
