@@ -114,13 +114,13 @@ pub(crate) fn of_columns(columns: &Bound<'_, PyList>, what: &str) -> Result<Memo
 
 fn array(holds: &str, cells: &Bound<'_, PyAny>) -> Result<ArrayRef, Failure> {
     let whole = || -> Result<Vec<Option<i64>>, Failure> {
-        let cells: PyReadonlyArray1<'_, i64> = cells.extract().map_err(PyErr::from)?;
+        let cells: PyReadonlyArray1<'_, i64> = cells.extract()?;
         let cells = cells.as_array();
         Ok(cells.iter().map(|&c| (c != ABSENT).then_some(c)).collect())
     };
     Ok(match holds {
         "numbers" => {
-            let cells: PyReadonlyArray1<'_, f64> = cells.extract().map_err(PyErr::from)?;
+            let cells: PyReadonlyArray1<'_, f64> = cells.extract()?;
             let cells = cells.as_array();
             let cells = cells.iter().map(|&c| (!c.is_nan()).then_some(c));
             Arc::new(cells.collect::<Float64Array>())
@@ -170,13 +170,13 @@ fn kept(columns: &Bound<'_, PyList>) -> Result<Vec<(String, KeptCells)>, Failure
     for column in columns {
         let (name, holds, cells): (String, String, Bound<'_, PyAny>) = column.extract()?;
         let whole = || -> Result<Vec<Option<i64>>, Failure> {
-            let cells: PyReadonlyArray1<'_, i64> = cells.extract().map_err(PyErr::from)?;
+            let cells: PyReadonlyArray1<'_, i64> = cells.extract()?;
             let cells = cells.as_array();
             Ok(cells.iter().map(|&c| (c != ABSENT).then_some(c)).collect())
         };
         let cells = match holds.as_str() {
             "numbers" => {
-                let cells: PyReadonlyArray1<'_, f64> = cells.extract().map_err(PyErr::from)?;
+                let cells: PyReadonlyArray1<'_, f64> = cells.extract()?;
                 KeptCells::Numbers(cells.as_array().to_vec())
             }
             "whole" => KeptCells::Whole(whole()?),
