@@ -20,7 +20,7 @@ from helio_py._times import unix_ns
 Column = tuple[str, str, Any]
 
 #: What stands for a whole number or a time that is not there.
-ABSENT = np.iinfo(np.int64).min
+ABSENT = -(2**63)
 
 
 def kind_of(value: Any) -> str:
