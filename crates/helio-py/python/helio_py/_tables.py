@@ -9,18 +9,19 @@ from __future__ import annotations
 
 import importlib
 import os
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from helio_py._errors import DataTypeError, HelioError, ShapeError
-from helio_py._times import unix_ns
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 Column = tuple[str, str, Any]
 
 #: What stands for a whole number or a time that is not there.
-ABSENT = np.iinfo(np.int64).min
+ABSENT = -(2**63)
 
 
 def kind_of(value: Any) -> str:
@@ -107,6 +108,8 @@ def _objects(name: str, cells: Any, refused: DataTypeError, what: str) -> Column
 
 
 def _times(cells: Any, name: str, what: str) -> NDArray[np.int64]:
+    from helio_py._times import unix_ns  # which brings more of NumPy with it than most calls want
+
     try:
         if isinstance(cells, np.ndarray) and cells.dtype.kind == "M":
             absent = np.isnat(cells)
