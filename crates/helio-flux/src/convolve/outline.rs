@@ -60,8 +60,34 @@ impl Figure {
         self.at(part, part)
     }
 
+    /// Longest edge \[m\].
+    pub(super) fn length_m(&self) -> f64 {
+        let [one, other] = self.edges;
+        let third = if self.is_triangle {
+            norm(sub(one, other))
+        } else {
+            0.0
+        };
+        norm(one).max(norm(other)).max(third)
+    }
+
+    /// Parts of the same area each: quarters, or the halves of a long parallelogram; and how many.
+    pub(super) fn parts(&self) -> ([Self; 4], usize) {
+        let [one, other] = self.edges.map(norm);
+        let is_long = !self.is_triangle && one.max(other) > 1.5 * one.min(other);
+        if !is_long {
+            return (self.quarters(), 4);
+        }
+        let longer = usize::from(other > one);
+        let mut half = *self;
+        half.edges[longer] = scale(half.edges[longer], 0.5);
+        let mut next = half;
+        next.corner = add(half.corner, half.edges[longer]);
+        ([half, next, next, next], 2)
+    }
+
     /// Of the same area each.
-    pub(super) fn quarters(&self) -> [Self; 4] {
+    fn quarters(&self) -> [Self; 4] {
         let edges = self.edges.map(|edge| scale(edge, 0.5));
         let part = |a: f64, b: f64| Self {
             corner: self.at(a, b),

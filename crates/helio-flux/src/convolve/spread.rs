@@ -19,8 +19,8 @@ const MOST_SIDE: usize = 16;
 /// Points around a cylinder or cone, at least.
 const AROUND: usize = 64;
 
-/// How often a mirror is cut into quarters at most.
-const DEPTH: usize = 12;
+/// Pieces are this part of a mirror long at least.
+const SHORTEST: f64 = 4096.0;
 
 /// Most evaluations for one mirror that is cut: a second or so.
 const MOST_EVALUATIONS: u64 = 1 << 23;
@@ -143,19 +143,16 @@ impl<'a> Spread<'a> {
                 sides[1] *= 2;
             }
         }
-        let mut cuts = 1.0;
-        while outline.length_m > PIECE_LENGTH * blur_m * cuts && cuts < 4096.0 {
-            cuts *= 2.0;
-        }
+        let cuts = pieces(&outline.figure, PIECE_LENGTH * blur_m);
         let nodes = outline.figure.nodes().1 as f64;
         let is_mesh = matches!(self.surface.receiver, Receiver::Mesh(_));
-        if is_mesh || (sides[0] * sides[1]) as f64 >= nodes * cuts * cuts {
+        if is_mesh || (sides[0] * sides[1]) as f64 >= nodes * cuts {
             return false;
         }
         let inside_w = match self.whole_plane {
             Some(whole) => {
                 let whole = whole.map(|p| outline.local(p));
-                let all = (outline.figure, outline.length_m, outline.power_w);
+                let all = (outline.figure, outline.power_w);
                 Some(self.inside(outline, &whole, all, blur_m))
             }
             // The outline of a round receiver has too many edges to be asked; with points as near as these its bins are
@@ -198,13 +195,13 @@ impl<'a> Spread<'a> {
         false
     }
 
-    /// Power of a piece (figure, longest edge, power) that falls on a flat receiver, given its corners, without its
+    /// Power of a piece (figure, power) that falls on a flat receiver, given its corners, without its
     /// bins.
     fn inside(
         &self,
         outline: &Outline<'_>,
         whole: &[Vector; 4],
-        (figure, length_m, power_w): (Figure, f64, f64),
+        (figure, power_w): (Figure, f64),
         blur_m: f64,
     ) -> f64 {
         let ball = around(&figure);
@@ -214,6 +211,7 @@ impl<'a> Spread<'a> {
             return 0.0;
         }
         let part = |from: &Vector| outline.part_on(*from, whole);
+        let length_m = figure.length_m();
         let is_small = length_m <= PIECE_LENGTH * blur_m;
         if !is_small {
             let (corners, count) = figure.corners();
@@ -221,18 +219,16 @@ impl<'a> Spread<'a> {
                 return power_w;
             }
         }
-        if is_small || length_m <= outline.length_m / 4096.0 {
+        if is_small || length_m <= outline.length_m / SHORTEST {
             let (nodes, count) = figure.nodes();
             let sum: f64 = nodes[..count].iter().map(part).sum();
             return sum / count as f64 * power_w;
         }
-        figure
-            .quarters()
-            .map(|quarter| {
-                let quarter = (quarter, 0.5 * length_m, 0.25 * power_w);
-                self.inside(outline, whole, quarter, blur_m)
-            })
+        let (parts, count) = figure.parts();
+        let each_w = power_w / count as f64;
+        parts[..count]
             .iter()
+            .map(|part| self.inside(outline, whole, (*part, each_w), blur_m))
             .sum()
     }
 
@@ -261,8 +257,8 @@ impl<'a> Spread<'a> {
         }
         (self.unsettled_w, self.hidden) = (0.0, None);
         let mut stack: Vec<u32> = (0..self.cells.len() as u32).collect();
-        let all = (outline.figure, outline.length_m, outline.power_w);
-        self.piece(outline, all, blur_m, 0, &mut stack, 0);
+        let all = (outline.figure, outline.power_w);
+        self.piece(outline, all, blur_m, 0, &mut stack);
         if let Some((bin, by)) = self.hidden {
             return Err(Trouble::Hidden { bin, by });
         }
@@ -273,15 +269,14 @@ impl<'a> Spread<'a> {
         Ok(())
     }
 
-    /// A piece (figure, longest edge, power) whose light can reach the cells from `first` on in the stack.
+    /// A piece (figure, power) whose light can reach the cells from `first` on in the stack.
     fn piece(
         &mut self,
         outline: &Outline<'_>,
-        (figure, length_m, power_w): (Figure, f64, f64),
+        (figure, power_w): (Figure, f64),
         blur_m: f64,
         first: usize,
         stack: &mut Vec<u32>,
-        depth: usize,
     ) {
         let (from, to) = (first, stack.len());
         let ball = around(&figure);
@@ -293,19 +288,20 @@ impl<'a> Spread<'a> {
         }
         let mine = to..stack.len();
         self.evaluations += mine.len() as u64;
+        let length_m = figure.length_m();
         if length_m <= PIECE_LENGTH * blur_m {
             self.lay(outline, &figure, power_w, &stack[mine]);
         } else if let Some(cell) = self.only(outline, &figure, &stack[mine.clone()]) {
             self.power_w[cell] += power_w;
-        } else if depth >= DEPTH || self.evaluations > MOST_EVALUATIONS {
+        } else if length_m <= outline.length_m / SHORTEST || self.evaluations > MOST_EVALUATIONS {
             if !mine.is_empty() {
                 self.unsettled_w += power_w;
                 self.lay(outline, &figure, power_w, &stack[mine]);
             }
         } else if !mine.is_empty() {
-            for quarter in figure.quarters() {
-                let quarter = (quarter, 0.5 * length_m, 0.25 * power_w);
-                self.piece(outline, quarter, blur_m, to, stack, depth + 1);
+            let (parts, count) = figure.parts();
+            for part in &parts[..count] {
+                self.piece(outline, (*part, power_w / count as f64), blur_m, to, stack);
             }
         }
         stack.truncate(to);
@@ -368,6 +364,21 @@ fn hidden_by(
         .filter_map(|place| receiver.hit(from, sub(place, from)))
         .find(|hit| hit.bin != bin && hit.along < 1.0 - 1e-6)
         .map(|hit| (bin, hit.bin))
+}
+
+/// How many pieces a figure is cut into until all are so short.
+fn pieces(figure: &Figure, short_m: f64) -> f64 {
+    let cuts = |length_m: f64| {
+        (length_m / short_m)
+            .clamp(1.0, SHORTEST)
+            .log2()
+            .ceil()
+            .exp2()
+    };
+    if figure.is_triangle {
+        return cuts(figure.length_m()).powi(2);
+    }
+    figure.edges.iter().map(|edge| cuts(norm(*edge))).product()
 }
 
 fn around(figure: &Figure) -> Ball {
