@@ -772,7 +772,7 @@ fn a_method_by_an_error_is_taken_and_told() {
     folder.write("plate.toml", scene);
     let found = json(&folder.run(PLATE).good());
     let stated = at(&found, "/scene/rays/peak_standard_error");
-    let rays = 2e7 * 11_326.1 * 2.5e-3 * 50e-3 / 2265.2;
+    let rays: f64 = 2e7 * 11_326.1 * 2.5e-3 * 50e-3 / 2265.2;
     close(stated, 1.0 / rays.sqrt(), 2e-2);
     let off = at(&found, "/receiver/peak_flux_w_m2") / 11_326.1 - 1.0;
     assert!(off.abs() < 4.0 * stated, "{off} {stated}");

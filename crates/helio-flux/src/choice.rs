@@ -11,13 +11,21 @@ use crate::trace::{RayOptions, Rays, Scene, trace_rays};
 /// Least error that a convolution is good for: what tables of the cone and the mean incidence leave of a peak.
 const CONVOLVED: f64 = 5e-4;
 
-/// Rays of the pilot for each element, and in all.
+/// Rays of the first pilot for each element, and in all.
 const PILOT: [u64; 2] = [16, 1 << 17];
+
+/// A pilot with so many rays in the peak's bin, and this part of those wanted, tells how many are wanted; another is
+/// repeated with so many times as many.
+const COUNTED: f64 = 100.0;
+/// Many small mirrors that share a set of rays scatter together: the peak of a pilot is too high by more than chance.
+const SPARE: f64 = 1.25;
+const MORE: u64 = 8;
 
 /// Elements by which the effort of a convolution is told.
 const ELEMENTS_ASKED: usize = 128;
 
-/// Rays are few enough to be traced at all \[number\].
+/// A pilot is no longer than this; rays are few enough to be traced at all \[number\].
+const MOST_PILOT: f64 = (1_u64 << 33) as f64;
 const MOST_RAYS: f64 = (1_u64 << 40) as f64;
 
 /// Seconds of one thread, for a ray (of a plane, a round receiver, a mesh), for its being asked whether it is shaded or
@@ -47,14 +55,14 @@ pub enum Why {
     Occlusion(f64),
     /// A convolution cannot do it: parts of the receiver hide others, or bins are too coarse.
     NoConvolution,
-    /// Only a convolution comes so close with fewer than 2⁴⁰ rays, or in the dark nothing does.
+    /// Only a convolution comes so close with a reasonable number of rays, or in the dark nothing does.
     NoRays,
     /// It was predicted to be the sooner one; seconds of one thread, by rays and by convolution.
     Sooner {
         /// By rays.
         rays_s: f64,
-        /// By convolution.
-        convolution_s: f64,
+        /// By convolution; `None` for more than by rays, which is not counted to the end.
+        convolution_s: Option<f64>,
     },
 }
 
@@ -70,10 +78,14 @@ impl fmt::Display for Why {
             Self::NoRays => write!(f, "too many rays would be needed"),
             Self::Sooner {
                 rays_s,
-                convolution_s,
+                convolution_s: Some(convolution_s),
             } => write!(
                 f,
                 "rays would take about {rays_s:.2} s of one thread, a convolution {convolution_s:.2} s"
+            ),
+            Self::Sooner { rays_s, .. } => write!(
+                f,
+                "rays would take about {rays_s:.2} s of one thread, a convolution more"
             ),
         }
     }
@@ -92,9 +104,10 @@ pub struct Choice {
 /// irradiance of the peak's bin, one standard deviation, as part of it.
 ///
 /// A few rays are traced first: they tell whether mirrors shade or block each other, which only rays can do justice to,
-/// and how many rays the peak's bin gets. As many are taken then as random ones would need
+/// and how many rays the peak's bin gets; eight times as many until they are an eighth of those wanted, less what the
+/// greatest of so many bins scatters upward. As many are taken then as random ones would need
 /// ([`peak_error`]); low-discrepancy rays come closer. What a convolution takes is counted on some of the
-/// elements. No clock is asked: the same input leads to the same choice.
+/// elements, until it is more than the rays take. No clock is asked: the same input leads to the same choice.
 ///
 /// ```
 /// use helio_flux::{Element, OpticalError, Plane, Receiver, Scene, SunShape, Way, choose_way};
@@ -129,20 +142,11 @@ pub fn choose_way(
             value: error,
         });
     }
-    let elements = scene.elements.len();
-    let pilot = (PILOT[0] * elements as u64).max(PILOT[1]);
-    let options = RayOptions {
-        rays: Rays::Total(pilot),
-        seed,
-        threads,
-        ..RayOptions::default()
-    };
-    let map = trace_rays(scene, &options)?;
+    let (map, rays) = pilot(scene, error, seed, threads)?;
     let account = map.account();
-    let rays = rays_for(scene.receiver, &map, error, pilot);
     let occluded_w = account.shaded_w + account.blocked_w;
     let by_rays = |why| {
-        let way = Way::Rays(rays.unwrap_or(pilot));
+        let way = Way::Rays(rays.unwrap_or(account.rays));
         Choice { way, why }
     };
     if occluded_w > 0.0 {
@@ -153,34 +157,24 @@ pub fn choose_way(
         threads,
         ..ConvolveOptions::default()
     };
-    let polygons = match Measure::of(scene, &options, ELEMENTS_ASKED) {
+    let rays_s = rays.map(|rays| seconds_of(scene, rays));
+    let enough = rays_s.map_or(f64::INFINITY, |rays_s| rays_s / POLYGON_S);
+    let polygons = match Measure::of(scene, &options, ELEMENTS_ASKED, enough) {
         Ok(polygons) => polygons,
         Err(_) if rays.is_some() => return Ok(by_rays(Why::NoConvolution)),
         Err(error) => return Err(error),
     };
-    let Some(rays) = rays else {
-        let way = Way::Convolution(points);
+    let by_convolution = Way::Convolution(points);
+    let (Some(rays), Some(rays_s)) = (rays, rays_s) else {
         return Ok(Choice {
-            way,
+            way: by_convolution,
             why: Why::NoRays,
         });
     };
-    let kind = match scene.receiver {
-        Receiver::Plane(_) => 0,
-        Receiver::Frustum(_) => 1,
-        Receiver::Mesh(_) => 2,
-    };
-    let several = scene
-        .elements
-        .windows(2)
-        .any(|pair| pair[0].mirror() != pair[1].mirror());
-    let asked_s = if several { OCCLUDED_RAY_S } else { 0.0 };
-    let rays_s = SET_S + elements as f64 * ELEMENT_S + rays as f64 * (RAY_S[kind] + asked_s);
-    let convolution_s = polygons * POLYGON_S;
-    let way = if rays_s < convolution_s {
-        Way::Rays(rays)
-    } else {
-        Way::Convolution(points)
+    let convolution_s = polygons.map(|polygons| polygons * POLYGON_S);
+    let way = match convolution_s {
+        Some(seconds) if seconds <= rays_s => by_convolution,
+        _ => Way::Rays(rays),
     };
     let why = Why::Sooner {
         rays_s,
@@ -189,13 +183,71 @@ pub fn choose_way(
     Ok(Choice { way, why })
 }
 
-/// Rays that bring the peak's bin to an error, by a pilot; `None` if they are too many, or none arrive.
-fn rays_for(receiver: &Receiver, map: &FluxMap, error: f64, pilot: u64) -> Option<u64> {
-    let found = scatter(receiver, map)?;
-    // the pilot's peak is one that scatters upward, by some of its errors
-    let peak = 1.0 + 3.0 * found;
-    let rays = (map.account().rays as f64 * peak * (found / error) * (found / error)).ceil();
-    (rays <= MOST_RAYS).then(|| (rays as u64).max(pilot))
+/// Seconds of one thread that so many rays take.
+fn seconds_of(scene: &Scene<'_>, rays: u64) -> f64 {
+    let elements = scene.elements;
+    let kind = match scene.receiver {
+        Receiver::Plane(_) => 0,
+        Receiver::Frustum(_) => 1,
+        Receiver::Mesh(_) => 2,
+    };
+    let several = elements
+        .windows(2)
+        .any(|pair| pair[0].mirror() != pair[1].mirror());
+    let asked_s = if several { OCCLUDED_RAY_S } else { 0.0 };
+    SET_S + elements.len() as f64 * ELEMENT_S + rays as f64 * (RAY_S[kind] + asked_s)
+}
+
+/// The map of a few rays, and how many bring the peak's bin to an error; `None` if they are too many, or none arrive.
+fn pilot(
+    scene: &Scene<'_>,
+    error: f64,
+    seed: u64,
+    threads: usize,
+) -> Result<(FluxMap, Option<u64>), FluxError> {
+    let mut rays = (PILOT[0] * scene.elements.len() as u64).max(PILOT[1]);
+    loop {
+        let options = RayOptions {
+            rays: Rays::Total(rays),
+            seed,
+            threads,
+            ..RayOptions::default()
+        };
+        let map = trace_rays(scene, &options)?;
+        let Some(found) = scatter(scene.receiver, &map) else {
+            return Ok((map, None));
+        };
+        let counted = 1.0 / (found * found);
+        let above = greatest_of(scene.receiver.bins());
+        let expected = counted - above * counted.sqrt();
+        let more = rays as f64 * MORE as f64;
+        if expected >= COUNTED {
+            let wanted = (SPARE * rays as f64 / (expected * error * error)).ceil();
+            if wanted > MOST_RAYS {
+                return Ok((map, None));
+            }
+            if wanted <= more {
+                return Ok((map, Some((wanted as u64).max(rays))));
+            }
+        }
+        if more > MOST_PILOT {
+            return Ok((map, None));
+        }
+        rays *= MORE;
+    }
+}
+
+/// By how many standard errors the greatest of so many bins that should be equal is expected above them (Cramér 1946
+/// §28.6, to second order).
+fn greatest_of(bins: usize) -> f64 {
+    if bins < 2 {
+        return 0.0;
+    }
+    let ln = libm::log(bins as f64);
+    let first = libm::sqrt(2.0 * ln);
+    let second = libm::log(ln) + libm::log(4.0 * core::f64::consts::PI);
+    // of two, exactly
+    (first - second / (2.0 * first)).max(libm::sqrt(core::f64::consts::FRAC_1_PI))
 }
 
 /// Relative standard error of the peak's bin if rays were random: of n that arrive there, 1/√n.
@@ -211,8 +263,8 @@ fn scatter(receiver: &Receiver, map: &FluxMap) -> Option<f64> {
 /// How far the irradiance of a map's peak may be off, as part of it; `None` for a map without light.
 ///
 /// Of rays, one standard error as it would be if they were random, 1/√n of n rays in the bin (counted as if nothing had
-/// been lost of any): low-discrepancy rays scatter less. As many bins scatter, the greatest of equal ones lies two
-/// or three of these above what it should be. Of a convolution, what 8 times 8 points say of that bin instead (or where they
+/// been lost of any): low-discrepancy rays scatter less. As many bins scatter, the greatest of them lies above what it
+/// should be: [`peak_excess`]. Of a convolution, what 8 times 8 points say of that bin instead (or where they
 /// are too coarse, the tolerance of 1e-3), and 5e-4 for what the tables of its cones may be off. Unknown are errors that both share: flat elements, the sun's
 /// shape.
 ///
@@ -229,4 +281,29 @@ pub fn peak_error(scene: &Scene<'_>, map: &FluxMap) -> Result<Option<f64>, FluxE
     let other = Measure::bin_flux(scene, bin, 8)?.map(|fine| (fine - flux).abs() / flux);
     let off = other.unwrap_or(ConvolveOptions::default().tolerance);
     Ok(Some(off + CONVOLVED))
+}
+
+/// Rays that keep an error where a map of rays did not, by [`peak_error`]: the peak of its pilot was too high. `None` if it did.
+#[must_use]
+pub fn rays_to_repeat(receiver: &Receiver, map: &FluxMap, error: f64) -> Option<u64> {
+    let rays = map.account().rays;
+    let stated = scatter(receiver, map).filter(|stated| rays > 0 && *stated > error)?;
+    let wanted = SPARE * rays as f64 * (stated / error) * (stated / error);
+    (wanted <= MOST_RAYS).then_some(wanted.ceil() as u64)
+}
+
+/// By how much of itself the irradiance of a map's peak is expected too high at most, for being the greatest of bins that
+/// scatter: of a traced map, as many standard errors as the greatest of those normal numbers has whose bins are as bright
+/// within their scatter. 0 for a convolution, or one bin above all others; `None` for a map without light.
+#[must_use]
+pub fn peak_excess(receiver: &Receiver, map: &FluxMap) -> Option<f64> {
+    let (peak, _) = map.peak();
+    if map.account().rays == 0 {
+        return (peak > 0.0).then_some(0.0);
+    }
+    let error = scatter(receiver, map)?;
+    // two that are equal differ so much
+    let within = 2.0 * greatest_of(map.irradiance_w_m2().len()) * error;
+    let bright = |flux: &&f64| **flux >= peak * (1.0 - within);
+    Some(greatest_of(map.irradiance_w_m2().iter().filter(bright).count()) * error)
 }

@@ -23,7 +23,7 @@ mod vector;
 
 pub use account::Account;
 pub use behind::lit_from_behind_w;
-pub use choice::{Choice, Way, Why, choose_way, peak_error};
+pub use choice::{Choice, Way, Why, choose_way, peak_error, peak_excess, rays_to_repeat};
 pub use convolve::{ConvolveOptions, convolve, convolve_watched};
 pub use element::Element;
 pub use error::FluxError;

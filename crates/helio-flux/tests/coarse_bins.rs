@@ -88,8 +88,8 @@ fn coarse_bins_neither_make_nor_lose_power() {
     }
 }
 
-// Bin by bin against rays, which know nothing of points: on a plane whose bins cut the image, and all round a
-// cylinder with four columns.
+// Bin by bin against rays, which know nothing of points: on a plane whose bins cut the image, all round a
+// cylinder with four columns, and on cones whose bins are much wider below than above, one of them pointed.
 #[test]
 fn coarse_bins_hold_what_rays_bring() {
     let sun = SunShape::limb_darkened(4.65e-3).unwrap();
@@ -103,9 +103,16 @@ fn coarse_bins_hold_what_rays_bring() {
         2.0,
         [2, 4],
     );
+    let cone = |radii_m: [f64; 2], grid: [usize; 2]| {
+        let along = [1.0, 0.0, 0.0];
+        let cone = Frustum::cone([-0.4, 0.0, 1.5], along, DOWN, radii_m, 0.8, grid);
+        Receiver::Frustum(cone.unwrap())
+    };
     for receiver in [
         Receiver::Plane(plane.unwrap()),
         Receiver::Frustum(around.unwrap()),
+        cone([0.02, 0.15], [3, 4]),
+        cone([0.15, 0.0], [2, 8]),
     ] {
         let scene = scene(&slices, &receiver, &sun);
         let rays = RayOptions {

@@ -163,12 +163,14 @@ fn checked(scene: &Scene<'_>, options: &ConvolveOptions) -> Result<Vector, FluxE
 pub(crate) struct Measure;
 
 impl Measure {
-    /// Polygons that a convolution would put under cones, by `most` elements at most.
+    /// Polygons that a convolution would put under cones, by `most` elements at most; `None` if they are more than
+    /// `enough`, which is not counted to the end.
     pub(crate) fn of(
         scene: &Scene<'_>,
         options: &ConvolveOptions,
         most: usize,
-    ) -> Result<f64, FluxError> {
+        enough: f64,
+    ) -> Result<Option<f64>, FluxError> {
         let sun = checked(scene, options)?;
         let step = scene.elements.len().div_ceil(most).max(1);
         let some: Vec<Element> = scene.elements.iter().step_by(step).copied().collect();
@@ -182,8 +184,11 @@ impl Measure {
                 sum += spread.evaluations;
                 found.map_err(|trouble| named(trouble, number * step, options))
             })?;
+            if sum as f64 * step as f64 > enough {
+                return Ok(None);
+            }
         }
-        Ok(sum as f64 * step as f64)
+        Ok(Some(sum as f64 * step as f64))
     }
 
     /// Irradiance of a bin \[W/m²\] by so many points along its side; `None` if they are too coarse for the images there,
@@ -199,11 +204,12 @@ impl Measure {
         let points: Vec<_> = (0..side * side)
             .map(|k| surface::point(scene.receiver, bin, k, [side; 2]))
             .collect();
-        let (mut sum, mut is_coarse) = (0.0, false);
+        let (mut sum, mut grazing, mut is_coarse) = (0.0, 0.0, false);
         for element in scene.elements {
             each_outline(scene, element, sun, &cones, |outline| {
                 let flux: f64 = points.iter().map(|p| outline.flux_at(p)).sum();
                 sum += flux;
+                grazing += points.iter().map(|p| outline.grazing_at(p)).sum::<f64>();
                 let from = outline.ball();
                 let to = surface::Ball {
                     centre: outline.local(ball.centre),
@@ -214,6 +220,7 @@ impl Measure {
                 Ok::<(), FluxError>(())
             })?;
         }
+        is_coarse |= grazing > 1e-3 * sum;
         Ok((!is_coarse).then(|| sum / points.len() as f64))
     }
 }

@@ -185,7 +185,7 @@ impl<'a> Outline<'a> {
         add(flat, scale(self.axes[2], z))
     }
 
-    /// Irradiance at a point of the receiver \[W/m²\].
+    /// Irradiance at a point of the receiver \[W/m²\], times its share.
     pub(super) fn flux_at(&self, point: &Point) -> f64 {
         let facing = -dot(point.normal, self.axes[2]);
         if facing <= 0.0 || dot(sub(point.at, self.centroid), self.normal) <= 0.0 {
@@ -211,7 +211,23 @@ impl<'a> Outline<'a> {
                 (y - corner[1]) * inverse - shift_y,
             ];
         }
-        self.strength * facing * self.cone.within(&seen[..self.count])
+        self.strength * point.share * facing * self.cone.within(&seen[..self.count])
+    }
+
+    /// What a point that the light grazes may get more or less than [`flux_at`](Self::flux_at) says, which takes its
+    /// direction for that of the middle ray there \[W/m²\], times its share; 0 for one that faces it.
+    pub(super) fn grazing_at(&self, point: &Point) -> f64 {
+        let facing = -dot(point.normal, self.axes[2]);
+        let wide = 2.0 * self.cone.half;
+        if facing.abs() > wide {
+            return 0.0;
+        }
+        // as if it faced the light
+        let turned = Point {
+            normal: scale(self.axes[2], -1.0),
+            ..*point
+        };
+        self.cone.half * self.flux_at(&turned)
     }
 
     /// By how much the cone seems moved.

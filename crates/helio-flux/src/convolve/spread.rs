@@ -155,8 +155,7 @@ impl<'a> Spread<'a> {
                 let all = (outline.figure, outline.power_w);
                 Some(self.inside(outline, &whole, all, blur_m))
             }
-            // The outline of a round receiver has too many edges to be asked; with points as near as these its bins are
-            // right to a few parts in ten thousand.
+            // The outline of a round receiver has too many edges to be asked.
             None => None,
         };
         let receiver = self.surface.receiver;
@@ -179,6 +178,11 @@ impl<'a> Spread<'a> {
                 sum_w += *power_w;
             }
             self.evaluations += (self.bins.len() * count) as u64;
+            if self.whole_plane.is_none()
+                && self.grazing_w(outline, sides) > self.tolerance * outline.power_w
+            {
+                break;
+            }
             let wanted_w = inside_w.unwrap_or(sum_w).min(outline.power_w);
             if (sum_w - wanted_w).abs() <= self.tolerance * outline.power_w {
                 // to the last digit
@@ -193,6 +197,18 @@ impl<'a> Spread<'a> {
         }
         self.power_w.fill(0.0);
         false
+    }
+
+    /// Power that may be wrong at points which the light grazes \[W\].
+    fn grazing_w(&self, outline: &Outline<'_>, sides: [usize; 2]) -> f64 {
+        let receiver = self.surface.receiver;
+        let count = sides[0] * sides[1];
+        let of_bin = |&bin: &u32| {
+            let bin = bin as usize;
+            let at = |k: usize| outline.grazing_at(&point(receiver, bin, k, sides));
+            (0..count).map(at).sum::<f64>() / count as f64 * receiver.bin_area_m2(bin)
+        };
+        self.bins.iter().map(of_bin).sum()
     }
 
     /// Power of a piece (figure, power) that falls on a flat receiver, given its corners, without its

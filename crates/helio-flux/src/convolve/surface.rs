@@ -14,11 +14,12 @@ const LEAF: usize = 8;
 /// Points kept, at most: 50 MB of them.
 const KEPT: usize = 1 << 20;
 
-/// A place on the receiver, and the way it faces.
+/// A place on the receiver, the way it faces, and how much of its bin it stands for: 1 for an even share.
 #[derive(Clone, Copy)]
 pub(super) struct Point {
     pub at: Vector,
     pub normal: Vector,
+    pub share: f64,
 }
 
 /// A ball around a part of something.
@@ -223,8 +224,8 @@ impl<'a> Surface<'a> {
     }
 }
 
-/// One of the points of a bin (of a triangle: with as many along each side), each of which stands for the same area; on a cone,
-/// nearly so.
+/// One of the points of a bin (of a triangle: with as many along each side), each of which stands for the same area, or on a
+/// cone for more where it is wider.
 pub(super) fn point(receiver: &Receiver, bin: usize, k: usize, sides: [usize; 2]) -> Point {
     let [high, wide] = sides;
     let (row, column) = (bin / receiver.columns(), bin % receiver.columns());
@@ -234,14 +235,17 @@ pub(super) fn point(receiver: &Receiver, bin: usize, k: usize, sides: [usize; 2]
         Receiver::Plane(plane) => Point {
             at: plane.point_m(row, column),
             normal: plane.normal(),
+            share: 1.0,
         },
         Receiver::Frustum(round) => Point {
             at: round.point_m(row, column),
             normal: round.normal(column),
+            share: round.share_at(row),
         },
         Receiver::Mesh(mesh) => Point {
             at: of_triangle(mesh.corners_m(bin).unwrap_or_default(), k, wide),
             normal: receiver.bin_normal(bin),
+            share: 1.0,
         },
     }
 }

@@ -170,6 +170,12 @@ impl Frustum {
         self.height_m * (1.0 - row / self.rows as f64)
     }
 
+    /// How much larger the area around a row is than the mean of its bin.
+    pub(crate) fn share_at(&self, row: f64) -> f64 {
+        let middle_m = self.radius_m(self.up_m(row.floor() + 0.5));
+        self.radius_m(self.up_m(row)) / middle_m
+    }
+
     /// The point at a row and a column \[m\]; whole numbers are edges of bins.
     #[must_use]
     pub fn point_m(&self, row: f64, column: f64) -> [f64; 3] {

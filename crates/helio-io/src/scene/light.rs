@@ -2,7 +2,7 @@
 
 use helio_flux::{
     Choice, ConvolveOptions, Element, FluxError, FluxMap, RayOptions, Rays, Scene, SunShape, Watch,
-    Way, choose_way, convolve_watched, trace_rays_watched,
+    Way, choose_way, convolve_watched, rays_to_repeat, trace_rays_watched,
 };
 
 use super::{FluxScene, SceneMethod};
@@ -80,6 +80,17 @@ impl FluxScene {
         }
     }
 
+    /// A way that keeps the scene's error, where rays that were chosen for it turned out too few; `None` if they were not.
+    #[must_use]
+    pub fn again(&self, way: Way, map: &FluxMap) -> Option<Way> {
+        match (self.rays.method, way) {
+            (SceneMethod::Auto, Way::Rays(_)) => {
+                rays_to_repeat(&self.receiver, map, self.rays.error).map(Way::Rays)
+            }
+            _ => None,
+        }
+    }
+
     /// The flux on the receiver by the scene's method. `elements` are the flat pieces of the mirrors \[m\], `toward`
     /// the direction to the sun, both in the receiver's frame; `threads` 0 for as many as the pool has. `watch` is told
     /// of rays (or elements) done and in all; `None` if it wanted an end.
@@ -106,7 +117,13 @@ impl FluxScene {
     ) -> Result<Option<FluxMap>, FluxError> {
         let sun_shape = self.sun.form.shape()?;
         let lit = self.lit(elements, toward, &sun_shape);
-        let (way, _) = self.way(&lit, threads)?;
-        self.by_way(&lit, way, threads, watch)
+        let (mut way, _) = self.way(&lit, threads)?;
+        loop {
+            let map = self.by_way(&lit, way, threads, watch)?;
+            match map.as_ref().and_then(|map| self.again(way, map)) {
+                Some(more) => way = more,
+                None => return Ok(map),
+            }
+        }
     }
 }

@@ -3,7 +3,7 @@
 use std::sync::Mutex;
 use std::sync::atomic::Ordering;
 
-use helio_flux::{Choice, Element, FluxMap, Scene, Way, peak_error};
+use helio_flux::{Choice, Element, FluxMap, Scene, Way, peak_error, peak_excess};
 use helio_io::FluxScene;
 use serde_json::{Value, json};
 
@@ -18,6 +18,8 @@ pub(super) struct Taken {
     choice: Option<Choice>,
     /// Relative standard error of the greatest irradiance; none without light.
     peak_error: Option<f64>,
+    /// By how much it may be too high, as the greatest of many.
+    peak_excess: Option<f64>,
 }
 
 impl Taken {
@@ -31,6 +33,7 @@ impl Taken {
             _ => json!({}),
         };
         about["peak_standard_error"] = json!(self.peak_error);
+        about["peak_too_high_by_up_to"] = json!(self.peak_excess);
         if let Some(choice) = &self.choice {
             about["chosen_for_error"] = json!(scene.rays.error);
             about["chosen_because"] = json!(choice.why.to_string());
@@ -39,9 +42,16 @@ impl Taken {
     }
 
     fn say(&self, printer: &Printer) {
-        if let Some(error) = self.peak_error {
+        if let (Some(error), Some(excess)) = (self.peak_error, self.peak_excess) {
+            let too_high = match self.way {
+                Way::Convolution(_) => String::new(),
+                _ => format!(
+                    "; as the greatest of bins that scatter it is too high by up to some {:.2} %",
+                    100.0 * excess
+                ),
+            };
             printer.say(format_args!(
-                "the greatest irradiance is known to {:.2} % or better, one standard error",
+                "standard error of the greatest irradiance at most {:.2} %{too_high}",
                 100.0 * error
             ));
         }
@@ -58,7 +68,35 @@ pub(super) fn light(
 ) -> Result<(FluxMap, Taken), Failure> {
     let shape = scene.sun.form.shape()?;
     let lit = scene.lit(elements, sun, &shape);
-    let (way, choice) = way(scene, &lit, threads, printer)?;
+    let (mut way, choice) = way(scene, &lit, threads, printer)?;
+    let map = loop {
+        let map = by_way(scene, &lit, way, threads, printer)?;
+        let Some(more) = scene.again(way, &map) else {
+            break map;
+        };
+        printer.say(format_args!(
+            "the greatest irradiance scatters by more than {}: more rays",
+            scene.rays.error
+        ));
+        way = more;
+    };
+    let taken = Taken {
+        way,
+        choice,
+        peak_error: peak_error(&lit, &map)?,
+        peak_excess: peak_excess(&scene.receiver, &map),
+    };
+    taken.say(printer);
+    Ok((map, taken))
+}
+
+fn by_way(
+    scene: &FluxScene,
+    lit: &Scene<'_>,
+    way: Way,
+    threads: usize,
+    printer: &Printer,
+) -> Result<FluxMap, Failure> {
     let stop = stop_on_signals();
     let progress = Mutex::new(None);
     let things = match way {
@@ -73,7 +111,7 @@ pub(super) fn light(
         }
         !stop.load(Ordering::Relaxed)
     };
-    let map = scene.by_way(&lit, way, threads, &watch)?;
+    let map = scene.by_way(lit, way, threads, &watch)?;
     let Some(map) = map else {
         return Err(Failure::Interrupted { streamed: false });
     };
@@ -82,17 +120,11 @@ pub(super) fn light(
         _ => 0.0,
     };
     let count = match way {
-        Way::Convolution(_) => elements.len() as u64,
+        Way::Convolution(_) => lit.elements.len() as u64,
         _ => map.account().rays,
     };
     printer.say(format_args!("{} {things} in {took_s:.2} s", Grouped(count)));
-    let taken = Taken {
-        way,
-        choice,
-        peak_error: peak_error(&lit, &map)?,
-    };
-    taken.say(printer);
-    Ok((map, taken))
+    Ok(map)
 }
 
 /// Which way; the scene's, or by its error.
