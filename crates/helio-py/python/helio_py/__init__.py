@@ -53,8 +53,8 @@ from helio_py._errors import (
 )
 from helio_py._flux import CameraFlux, FluxAccount, SlopeErrors, TargetMap, flux
 from helio_py._native import Drive, Field, Flux, Tracking, __version__, _optimised, forward, sun_position, track
-from helio_py._simulate import SimulatedObservations, simulate_field, simulate_observations
 from helio_py._predict import Prediction, predict
+from helio_py._simulate import SimulatedObservations, simulate_field, simulate_observations
 from helio_py._status import Status, status_words
 from helio_py._sun import SunPosition
 
