@@ -54,7 +54,7 @@ pub enum FluxError {
     /// Bins that cut the sharp image of an element so often that its light cannot be shared out among them.
     #[error(
         "convolution: element {element} (counted from 0): {found:.1e} of its light may be in wrong bins, wanted {wanted:.1e}: \
-         its image is too sharp for the receiver's bins: take fewer bins, or rays"
+         its image is too sharp for the receiver's bins, or grazes too much of it: take fewer bins, or rays"
     )]
     NotSettled {
         /// Which element.

@@ -89,7 +89,8 @@ fn coarse_bins_neither_make_nor_lose_power() {
 }
 
 // Bin by bin against rays, which know nothing of points: on a plane whose bins cut the image, all round a
-// cylinder with four columns, and on cones whose bins are much wider below than above, one of them pointed.
+// cylinder with four columns, and on cones whose bins are much wider below than above, one of them pointed,
+// and on a cylinder that stands along the beam.
 #[test]
 fn coarse_bins_hold_what_rays_bring() {
     let sun = SunShape::limb_darkened(4.65e-3).unwrap();
@@ -103,6 +104,9 @@ fn coarse_bins_hold_what_rays_bring() {
         2.0,
         [2, 4],
     );
+    let nearly_up = [0.004, 0.0, 1.0];
+    let side = [1.0, 0.0, 0.0];
+    let grazed = Frustum::cylinder([-0.02, 0.0, 1.0], nearly_up, side, 0.05, 1.0, [3, 6]);
     let cone = |radii_m: [f64; 2], grid: [usize; 2]| {
         let along = [1.0, 0.0, 0.0];
         let cone = Frustum::cone([-0.4, 0.0, 1.5], along, DOWN, radii_m, 0.8, grid);
@@ -113,6 +117,7 @@ fn coarse_bins_hold_what_rays_bring() {
         Receiver::Frustum(around.unwrap()),
         cone([0.02, 0.15], [3, 4]),
         cone([0.15, 0.0], [2, 8]),
+        Receiver::Frustum(grazed.unwrap()),
     ] {
         let scene = scene(&slices, &receiver, &sun);
         let rays = RayOptions {
