@@ -149,7 +149,8 @@ pub fn choose_way(
         let way = Way::Rays(rays.unwrap_or(account.rays));
         Choice { way, why }
     };
-    if occluded_w > 0.0 {
+    // less than this is the rim of neighbours, and makes no difference to any bright bin
+    if occluded_w > 0.1 * error * peak_w(scene.receiver, &map) {
         return Ok(by_rays(Why::Occlusion(occluded_w / account.incoming_w)));
     }
     let points = ConvolveOptions::default().points;
@@ -250,11 +251,16 @@ fn greatest_of(bins: usize) -> f64 {
     (first - second / (2.0 * first)).max(libm::sqrt(core::f64::consts::FRAC_1_PI))
 }
 
+/// Power of the peak's bin \[W\].
+fn peak_w(receiver: &Receiver, map: &FluxMap) -> f64 {
+    let (flux, bin) = map.peak();
+    flux.max(0.0) * receiver.bin_area_m2(bin)
+}
+
 /// Relative standard error of the peak's bin if rays were random: of n that arrive there, 1/√n.
 fn scatter(receiver: &Receiver, map: &FluxMap) -> Option<f64> {
-    let (flux, bin) = map.peak();
     let account = map.account();
-    let peak_w = flux * receiver.bin_area_m2(bin);
+    let peak_w = peak_w(receiver, map);
     // of one ray, before anything is taken from it
     let ray_w = account.incoming_w / account.rays as f64;
     (peak_w > 0.0 && account.rays > 0).then(|| (ray_w / peak_w).sqrt())

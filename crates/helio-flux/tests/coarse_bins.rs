@@ -121,12 +121,12 @@ fn coarse_bins_hold_what_rays_bring() {
     ] {
         let scene = scene(&slices, &receiver, &sun);
         let rays = RayOptions {
-            rays: Rays::Total(1 << 20),
+            rays: Rays::Total(1 << 25),
             ..RayOptions::default()
         };
         let traced = trace_rays(&scene, &rays).unwrap();
         let integral = by_points(&scene, 1);
-        assert!(traced.account().received_w > 1.0);
+        assert!(traced.account().received_w > 0.05);
         let (mut apart_w, all_w) = (0.0, traced.account().received_w);
         for (bin, (a, b)) in traced
             .irradiance_w_m2()
