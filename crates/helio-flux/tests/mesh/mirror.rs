@@ -297,6 +297,35 @@ fn parts_that_stand_one_on_the_other_count_once() {
     assert_eq!((mirror.faces().len(), mirror.coincident().count()), (1, 1));
 }
 
+// A square and the same as two triangles, by either diagonal and in any order: 1 m² of mirror, not 2; half of it, or
+// triangles that do not match it, are no second square.
+#[test]
+fn a_quadrilateral_on_two_triangles_counts_once() {
+    let nodes = "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n11,0,0,0\n12,1,0,0\n13,1,1,0\n14,0,1,0\n15,0.5,0.5,0\n";
+    let square = "*ELEMENT,TYPE=S4\n1,1,2,3,4\n";
+    let of = |elements: &[&str]| {
+        let mirror = mesh(&format!("{nodes}{}", elements.concat()))
+            .mirror(&Pick::All, &toward([0.0, 0.0, 1.0]))
+            .unwrap();
+        let each_m2 = |corners: usize| if corners == 4 { 1.0 } else { 0.5 };
+        let faces = mirror.faces().iter();
+        let area_m2: f64 = faces.map(|face| each_m2(face.corners().len())).sum();
+        (mirror.coincident().first().to_vec(), area_m2)
+    };
+    for halves in ["2,11,12,13\n3,11,13,14\n", "2,14,11,12\n3,13,14,12\n"] {
+        let halves = format!("*ELEMENT,TYPE=S3\n{halves}");
+        let (one, other) = halves.split_at(halves.find("\n3,").unwrap() + 1);
+        let other = format!("*ELEMENT,TYPE=S3\n{other}");
+        assert_eq!(of(&[square, &halves]), (vec![2, 3], 1.0));
+        assert_eq!(of(&[&halves, square]), (vec![1], 1.0));
+        assert_eq!(of(&[one, square, &other]), (vec![1], 1.0));
+        assert_eq!(of(&[square, one]), (vec![], 1.5));
+    }
+    // one corner lies elsewhere
+    let unlike = "*ELEMENT,TYPE=S3\n2,11,12,13\n3,11,13,15\n";
+    assert!(of(&[square, unlike]).0.is_empty());
+}
+
 // Elements far smaller than a millionth of the mesh's extent stay apart from their neighbours.
 #[test]
 fn small_faces_far_apart_are_not_taken_for_one() {

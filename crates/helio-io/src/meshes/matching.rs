@@ -126,6 +126,7 @@ pub(super) fn by_position(mesh: &mut Mesh, moved: &Moved) -> Result<MatchedNodes
     }
     let mut displacement_m = vec![[f64::NAN; 3]; places.len()];
     let mut taken = vec![false; points.len()];
+    let mut nodes_found = 0;
     for (node, &here) in places.iter().enumerate() {
         let [x, y, z] = here.map(|x| cell(x - tolerance.most_m)..=cell(x + tolerance.most_m));
         let cells = x.flat_map(|x| {
@@ -134,8 +135,10 @@ pub(super) fn by_position(mesh: &mut Mesh, moved: &Moved) -> Result<MatchedNodes
                 .flat_map(move |y| z.clone().map(move |z| [x, y, z]))
         });
         let near = cells.filter_map(|cell| grid.get(&cell)).flatten().copied();
+        let mut is_found = false;
         for row in near.filter(|&row| tolerance.accepts(here, points[row])) {
             taken[row] = true;
+            is_found = true;
             let by_m = moved.displacement_m[row];
             let known = displacement_m[node];
             if known[0].is_nan() {
@@ -149,21 +152,45 @@ pub(super) fn by_position(mesh: &mut Mesh, moved: &Moved) -> Result<MatchedNodes
                 ));
             }
         }
+        nodes_found += usize::from(is_found);
     }
+    refuse_another_mesh(mesh, &points, &taken, nodes_found)?;
     let unknown = taken.iter().enumerate().filter(|(_, taken)| !**taken);
     let unknown = unknown.map(|(row, _)| moved.node_ids[row]).collect();
-    if let (false, Some(&here), Some(&there)) =
-        (taken.contains(&true), places.first(), points.first())
-    {
+    Ok(give(mesh, displacement_m, unknown))
+}
+
+/// Refuses points few of which are where nodes are. Some match by chance in another unit or after warping: at the
+/// origin, or where the structure is held. Results of more than the mesh, and of part of it, are no other mesh.
+fn refuse_another_mesh(
+    mesh: &Mesh,
+    points: &[[f64; 3]],
+    taken: &[bool],
+    nodes_found: usize,
+) -> Result<(), String> {
+    let matched = taken.iter().filter(|taken| **taken).count();
+    let is_other = 2 * matched < taken.len() && 2 * nodes_found < mesh.node_ids().len();
+    let astray = taken.iter().position(|taken| !taken);
+    let (true, Some(row), Some(&node)) = (is_other, astray, mesh.position_m().first()) else {
+        return Ok(());
+    };
+    let here = place(points[row]);
+    if matched == 0 {
         return Err(format!(
-            "none of its points is where a node of the mesh is: the first is at {}, and node {} at {}; wanted the \
-             displacements of that mesh, in its unit",
-            place(there),
+            "none of its points is where a node of the mesh is: the first is at {here}, and node {} at {}; wanted \
+             the displacements of that mesh, in its unit",
             mesh.node_ids()[0],
-            place(here)
+            place(node)
         ));
     }
-    Ok(give(mesh, displacement_m, unknown))
+    Err(format!(
+        "only {matched} of its {} points are where a node of the mesh is, and {nodes_found} of {} nodes have one: no \
+         node is at {here}, where its point {} is. The unit or the mesh is another, or the points are moved (warped) \
+         already; wanted the displacements of that mesh, in its unit, at its undeformed points",
+        points.len(),
+        mesh.node_ids().len(),
+        row + 1
+    ))
 }
 
 /// Whether displacements of one place are of two nodes.

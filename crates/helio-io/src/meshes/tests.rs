@@ -106,6 +106,69 @@ fn points_without_numbers_are_known_by_where_they_are() {
     assert!(said("x.csv", None, 1.0).contains("none of its nodes"));
 }
 
+/// An `.inp` of one row of squares from the origin, and a `.vtk` with the points at `at`, moved by nothing.
+fn row_of_squares(squares: usize, vtk_points: impl Fn([f64; 2]) -> Vec<[f64; 3]>) -> [String; 2] {
+    let (mut inp, mut points) = (String::from("*NODE\n"), String::new());
+    let mut count = 0;
+    for k in 0..=squares {
+        for (side, y) in [(1, 0.0), (2, 0.2)] {
+            let x = 0.1 * k as f64;
+            inp += &format!("{},{x},{y},0\n", 2 * k + side);
+            for [x, y, z] in vtk_points([x, y]) {
+                points += &format!("{x} {y} {z}\n");
+                count += 1;
+            }
+        }
+    }
+    inp += "*ELEMENT,TYPE=S4\n";
+    for k in 0..squares {
+        let first = 2 * k + 1;
+        inp += &format!(
+            "{},{first},{},{},{}\n",
+            k + 1,
+            first + 2,
+            first + 3,
+            first + 1
+        );
+    }
+    let moved = "0 0 0\n".repeat(count);
+    let vtk = format!(
+        "# vtk DataFile Version 3.0\nm\nASCII\nDATASET POLYDATA\nPOINTS {count} double\n{points}POLYGONS 1 4\n\
+         3 0 1 2\nPOINT_DATA {count}\nVECTORS displacement double\n{moved}"
+    );
+    [inp, vtk]
+}
+
+// A point at the origin is there in every unit, and one that is held after every warping.
+#[test]
+fn points_few_of_which_match_are_of_another_mesh() {
+    let displaced = |of: &dyn Fn([f64; 2]) -> Vec<[f64; 3]>| {
+        let [inp, vtk] = row_of_squares(8, of);
+        let folder = folder(&[("a.inp", &inp), ("r.vtk", &vtk)]);
+        let mut mesh = load_mesh(&files(&folder.path().join("a.inp")))
+            .unwrap()
+            .mesh;
+        let path = folder.path().join("r.vtk");
+        displace_mesh(&mut mesh, &path, None, Some(1.0), None)
+            .map(|matched| (matched.known, matched.without.len(), matched.unknown.len()))
+            .map_err(|error| error.to_string())
+    };
+    let millimetres = displaced(&|[x, y]| vec![[1e3 * x, 1e3 * y, 0.0]]).unwrap_err();
+    let few = "only 1 of its 18 points are where a node of the mesh is, and 1 of 18 nodes have one";
+    assert!(millimetres.contains(few), "{millimetres}");
+    assert!(millimetres.contains("[0.000000, 200.000000, 0.000000] m, where its point 2 is"));
+    assert!(millimetres.contains("unit or the mesh is another"));
+    let warped = displaced(&|[x, y]| vec![[x, y, 0.01 * x]]).unwrap_err();
+    assert!(warped.contains("only 2 of its 18"), "{warped}");
+    // some points moved, a part of the mesh, and more than the mesh: these are taken
+    let some = displaced(&|[x, y]| vec![[x, y, if x > 0.65 { 0.1 } else { 0.0 }]]);
+    assert_eq!(some, Ok((14, 4, 4)));
+    let part = displaced(&|[x, y]| if x < 0.15 { vec![[x, y, 0.0]] } else { vec![] });
+    assert_eq!(part, Ok((4, 14, 0)));
+    let more = displaced(&|[x, y]| [0.0, 1.0, 2.0].map(|z| [x, y, z]).to_vec());
+    assert_eq!(more, Ok((18, 0, 36)));
+}
+
 #[test]
 fn two_points_at_one_place_with_two_displacements_are_no_one_node() {
     let twice = vtk([0, 1, 2]).replace("0 0 0 1 0 0 0 1 0", "1 0 0 1 0 0 0 1 0");

@@ -5,6 +5,8 @@ use crate::keys::{Key, Kind, optional, required};
 /// No scene reaches farther \[m\].
 pub(crate) const FAR_M: f64 = 1e6;
 const LENGTH: Kind = Kind::Number(1e-6, 1e6);
+/// Of a heliostat, as `helio_flux::HeliostatMirror` has it.
+const MIRROR_SIDE: Kind = Kind::Number(1e-6, 1000.0);
 const COUNT: Kind = Kind::Number(1.0, 1000.0);
 const BINS: Kind = Kind::Number(1.0, 1_048_576.0);
 
@@ -92,10 +94,10 @@ pub(crate) static AXIS: Key = optional(
 );
 pub(crate) static WIDTH: Key = optional(
     "width_m",
-    LENGTH,
+    MIRROR_SIDE,
     "Of a heliostat's mirror: its width over all facets, along the moving axis.",
 );
-pub(crate) static HEIGHT: Key = optional("height_m", LENGTH, "Likewise its height.");
+pub(crate) static HEIGHT: Key = optional("height_m", MIRROR_SIDE, "Likewise its height.");
 pub(crate) static FACET_COLUMNS: Key = optional(
     "columns",
     COUNT,

@@ -54,7 +54,8 @@ impl Places {
     }
 }
 
-/// Whether each face stands where one before it does: every corner at one of the other's.
+/// Whether each face stands where one before it does: every corner at one of the other's. Of a quadrilateral and the two
+/// triangles that it comes to by a diagonal, what is last: the quadrilateral, or both triangles where it is before them.
 pub(super) fn stand_twice(candidates: &[Candidate], position_m: &[Vector]) -> Vec<bool> {
     let at = |node: &u32| position_m[*node as usize];
     let mut low_m = [f64::INFINITY; 3];
@@ -73,26 +74,73 @@ pub(super) fn stand_twice(candidates: &[Candidate], position_m: &[Vector]) -> Ve
         count: 0,
     };
     let mut place_of = vec![u32::MAX; position_m.len()];
+    for node in candidates.iter().flat_map(Candidate::corners) {
+        let place = &mut place_of[*node as usize];
+        if *place == u32::MAX {
+            *place = places.of(at(node));
+        }
+    }
+    let corners = |row: usize| candidates[row].corners().iter().map(at);
     let mut first: HashMap<[u32; 4], usize> = HashMap::with_capacity(candidates.len());
     let mut twice = vec![false; candidates.len()];
     for (row, candidate) in candidates.iter().enumerate() {
-        let mut key = [u32::MAX; 4];
-        for (slot, node) in key.iter_mut().zip(candidate.corners()) {
-            let place = &mut place_of[*node as usize];
-            if *place == u32::MAX {
-                *place = places.of(at(node));
-            }
-            *slot = *place;
-        }
-        key.sort_unstable();
-        let before = *first.entry(key).or_insert(row);
+        let corner_places = candidate.corners().iter().map(|n| place_of[*n as usize]);
+        let before = *first.entry(key(corner_places)).or_insert(row);
         if before < row {
-            let corners =
-                |row: usize| -> Vec<Vector> { candidates[row].corners().iter().map(at).collect() };
-            twice[row] = is_same(&corners(before), &corners(row));
+            let [one, other]: [Vec<_>; 2] = [before, row].map(|row| corners(row).collect());
+            twice[row] = is_same(&one, &other);
         }
     }
+    mark_split(candidates, position_m, &place_of, &first, &mut twice);
     twice
+}
+
+/// Marks quadrilaterals on the two triangles that they come to by a diagonal, or the triangles on the quadrilateral.
+fn mark_split(
+    candidates: &[Candidate],
+    position_m: &[Vector],
+    place_of: &[u32],
+    first: &HashMap<[u32; 4], usize>,
+    twice: &mut [bool],
+) {
+    let corners = |row: usize| {
+        let nodes = candidates[row].corners().iter();
+        nodes.map(|node| position_m[*node as usize])
+    };
+    let triangle = |half: [u32; 3]| first.get(&key(half.iter().map(|n| place_of[*n as usize])));
+    for (row, candidate) in candidates.iter().enumerate() {
+        let &[a, b, c, d] = candidate.corners() else {
+            continue;
+        };
+        for halves in [[[a, b, c], [c, d, a]], [[b, c, d], [d, a, b]]] {
+            let [Some(&one), Some(&other)] = halves.map(triangle) else {
+                continue;
+            };
+            if one == other || [row, one, other].iter().any(|row| twice[*row]) {
+                continue;
+            }
+            let whole: Vec<_> = corners(row).collect();
+            let parts: Vec<_> = corners(one).chain(corners(other)).collect();
+            if is_same(&whole, &parts) {
+                let last: &[usize] = if row < one.min(other) {
+                    &[one, other]
+                } else {
+                    &[row]
+                };
+                last.iter().for_each(|row| twice[*row] = true);
+            }
+        }
+    }
+}
+
+/// The places of a face's corners, whichever it begins with and whichever way round it goes.
+fn key(places: impl Iterator<Item = u32>) -> [u32; 4] {
+    let mut key = [u32::MAX; 4];
+    for (slot, place) in key.iter_mut().zip(places) {
+        *slot = place;
+    }
+    key.sort_unstable();
+    key
 }
 
 /// Whether every corner of one is at a corner of the other, as near as their size wants it.
