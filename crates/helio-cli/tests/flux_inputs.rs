@@ -139,6 +139,32 @@ fn a_receiver_that_is_lit_from_behind_is_said_to_be() {
     assert_eq!(at(&good, "/receiver/lit_from_behind_w"), 0.0);
 }
 
+// A cone above the mirror, open below: its light comes in there, and has neither `facing` nor a normal.
+#[test]
+fn light_through_the_end_of_a_cone_is_told_as_such() {
+    let scene = "[mirror]\nunit = \"m\"\n[receiver]\nshape = \"cone\"\nbase_m = [0, 0, 5]\naxis = [0, 0, 1]\n\
+                 base_radius_m = 4\nend_radius_m = 0.1\nheight_m = 2\n[rays]\ncount = 10000\n";
+    let run = flux(&folder(scene, &[("m.inp", &model())]), "m.inp", &[]);
+    says(
+        &run,
+        &["come through its end, to its inside, which takes no light, and pass"],
+    );
+    assert!(!run.stderr().contains("facing"), "{}", run.stderr());
+}
+
+#[test]
+fn a_seed_is_of_the_same_range_as_in_a_scene() {
+    let folder = folder(SCENE, &[("m.inp", &model())]);
+    for seed in ["-1", "9007199254740992", "1.5"] {
+        let run = flux(&folder, "m.inp", &["--seed", seed]);
+        says(
+            &run,
+            &["wanted a whole number from 0 to 9007199254740991 (2^53 - 1)"],
+        );
+    }
+    found(&flux(&folder, "m.inp", &["--seed", "9007199254740991"]), 0);
+}
+
 #[test]
 fn light_that_goes_elsewhere_is_no_quiet_zero() {
     for [from, to] in [

@@ -128,6 +128,7 @@ pub(crate) struct InsteadArgs {
         long,
         value_name = "N",
         allow_negative_numbers = true,
+        value_parser = seed,
         requires = "scene"
     )]
     pub(crate) seed: Option<u64>,
@@ -205,6 +206,13 @@ fn irradiance(text: &str) -> Result<f64, String> {
 
 fn half_angle(text: &str) -> Result<f64, String> {
     number(text, 1e-6, 100.0, "milliradians")
+}
+
+/// As in a scene, whose numbers are doubles.
+fn seed(text: &str) -> Result<u64, String> {
+    const MOST: u64 = (1 << 53) - 1;
+    let value = text.trim().parse().ok().filter(|seed| *seed <= MOST);
+    value.ok_or_else(|| format!("wanted a whole number from 0 to {MOST} (2^53 - 1)"))
 }
 
 fn gray(text: &str) -> Result<f64, String> {

@@ -179,3 +179,19 @@ fn what_is_wrong_is_shown_with_its_place() {
     ];
     insta::assert_snapshot!(wrong.join("\n\n"));
 }
+
+// The mirror itself refuses wider ones, and would not say on which line they stand.
+#[test]
+fn heliostats_of_a_kilometre_are_refused_on_their_line() {
+    let of = |width_m: &str| {
+        of_field(&format!(
+            "[mirror]\nwidth_m = {width_m}\nheight_m = 2\n{PLANE}"
+        ))
+    };
+    assert!(of("1000").is_ok());
+    let error = of("1000.5").unwrap_err();
+    assert!(
+        error.contains("s.toml:2:") && error.contains("1000"),
+        "{error}"
+    );
+}

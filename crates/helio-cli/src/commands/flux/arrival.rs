@@ -1,6 +1,6 @@
 //! Whether light arrives, and what comes to the receiver from behind.
 
-use helio_flux::{Account, Element, FluxMap, Scene, lit_from_behind_w};
+use helio_flux::{Account, Element, FluxMap, Receiver, Scene, lit_from_behind_w};
 use helio_io::FluxScene;
 
 use super::summary::power;
@@ -16,6 +16,7 @@ pub(super) struct Arrival {
     received_w: f64,
     /// Comes to the receiver's back; by middle rays, see [`lit_from_behind_w`].
     pub(super) behind_w: f64,
+    round: bool,
 }
 
 impl Arrival {
@@ -39,6 +40,7 @@ impl Arrival {
             reflected_w: account.incoming_w - account.shaded_w - account.reflection_loss_w,
             received_w: account.received_w,
             behind_w,
+            round: matches!(scene.receiver, Receiver::Frustum(_)),
         })
     }
 
@@ -51,9 +53,14 @@ impl Arrival {
         let behind = self.behind_w > NEWS * self.reflected_w;
         let reflected = power(self.reflected_w);
         if behind {
+            let way = if self.round {
+                "through its end, to its inside, which takes no light,"
+            } else {
+                "to the back of its lit side, which is the side that `facing` (of a target `normal_enu`) points out \
+                 of,"
+            };
             printer.warn(format_args!(
-                "the receiver is lit from behind: of {reflected} reflected about {} come to the back of its lit side, \
-                 which is the side that `facing` (of a target `normal_enu`) points out of, and pass",
+                "the receiver is lit from behind: of {reflected} reflected about {} come {way} and pass",
                 power(self.behind_w)
             ));
         }
