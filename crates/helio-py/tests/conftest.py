@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,9 @@ import pytest
 import helio_py as hp
 
 ROOT = Path(__file__).resolve().parents[3]
+
+# A shell that runs the tests in the background has them ignore Ctrl-C, and Python leaves it so.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")
