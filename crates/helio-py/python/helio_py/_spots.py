@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    Target = str | PathLike[str] | Mapping[str, Any]
+    _Target = str | PathLike[str] | Mapping[str, Any]
 
 
 class Spot(NamedTuple):
@@ -259,7 +259,7 @@ def _asked(target: Any, method: str, threshold: str | None, expected: Any, white
 
 def find_spot(
     image: ArrayLike | str | PathLike[str],
-    target: Target,
+    target: _Target,
     *,
     method: str = "robust",
     threshold: str | None = None,
@@ -317,7 +317,7 @@ def find_spot(
 
 def find_spots(
     images: Any,
-    target: Target,
+    target: _Target,
     *,
     method: str = "robust",
     threshold: str | None = None,
