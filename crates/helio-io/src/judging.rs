@@ -63,6 +63,30 @@ impl CampaignAsked<'_> {
     ///
     /// # Errors
     /// [`AccuracyError`] for no spots, numbers that make no sense, and a weather record out of order.
+    ///
+    /// ```
+    /// use helio_io::{Campaign, CampaignAsked, load_spots};
+    /// use helio_spot::accuracy::{Limits, Options};
+    /// let folder = tempfile::tempdir()?;
+    /// let path = folder.path().join("spots.csv");
+    /// let rows = "a,2026-06-20T08:00:00Z,0.1,0,ok\nb,2026-06-20T08:00:01Z,-0.1,0,ok\n";
+    /// std::fs::write(&path, format!("file,time,u_m,v_m,status\n{rows}"))?;
+    /// let asked = CampaignAsked {
+    ///     spots: &load_spots(&path)?,
+    ///     weather: None,
+    ///     limits: Limits::grlm(),
+    ///     campaign: Campaign::default(),
+    ///     aim_m: [0.0, 0.0],
+    ///     slant_m: 100.0,
+    ///     heliostat_at_deg: None,
+    ///     options: Options::default(),
+    ///     files: Vec::new(),
+    /// };
+    /// let judged = asked.judged()?;
+    /// assert_eq!(judged.title(), "Tracking accuracy");
+    /// assert_eq!(judged.json("1.0")["frames"]["ok"], 2);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn judged(self) -> Result<JudgedCampaign, AccuracyError> {
         let setup = Setup {
             aim_m: self.aim_m,

@@ -211,7 +211,7 @@ pub(crate) fn _find_spots<'py>(
             jobs[index].found(&finder, name, time(index), room)
         };
         type Found = Result<Option<(SpotRow, SeenInFrame)>, SpotError>;
-        let found: Vec<Found> = if jobs.len() == 1 {
+        let found: Vec<Found> = if jobs.len() == 1 && progress.is_none() {
             py.detach(|| vec![one(&mut FinderRoom::default(), 0).map(Some)])
         } else {
             watched(py, progress.as_ref(), |watch| {

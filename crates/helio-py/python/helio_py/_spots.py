@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    Target = str | PathLike[str] | Mapping[str, Any]
+    _Target = str | PathLike[str] | Mapping[str, Any]
 
 
 class Spot(NamedTuple):
@@ -82,14 +82,25 @@ class Spots:
     def __getitem__(self, frame: int) -> Spot:
         cells = self._columns
 
+        def number(name: str) -> float:
+            return float(cells[name][frame])
+
         def whole(name: str) -> int | None:
             number = int(cells[name][frame])
             return None if number == ABSENT else number
 
         return Spot(
             status=cells["status"][frame],
-            **{name: float(cells[name][frame]) for name in ("u_m", "v_m", "sigma_m", "x_px", "y_px", "row", "column")},
-            **{name: whole(name) for name in ("threshold", "area_px", "window_px")},
+            u_m=number("u_m"),
+            v_m=number("v_m"),
+            sigma_m=number("sigma_m"),
+            x_px=number("x_px"),
+            y_px=number("y_px"),
+            row=number("row"),
+            column=number("column"),
+            threshold=whole("threshold"),
+            area_px=whole("area_px"),
+            window_px=whole("window_px"),
             flags=tuple(cells["flags"][frame].split()),
             reason=cells["reason"][frame],
             file=cells["file"][frame],
@@ -248,7 +259,7 @@ def _asked(target: Any, method: str, threshold: str | None, expected: Any, white
 
 def find_spot(
     image: ArrayLike | str | PathLike[str],
-    target: Target,
+    target: _Target,
     *,
     method: str = "robust",
     threshold: str | None = None,
@@ -306,7 +317,7 @@ def find_spot(
 
 def find_spots(
     images: Any,
-    target: Target,
+    target: _Target,
     *,
     method: str = "robust",
     threshold: str | None = None,
