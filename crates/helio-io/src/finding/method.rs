@@ -80,11 +80,12 @@ impl SpotMethod {
             });
         }
         let tenth_m = 0.1 * board.width_m.min(board.height_m);
-        let mut options = RobustOptions::default();
-        options.expected = words
-            .expected
-            .map(|(u_m, v_m, sigma_m)| (u_m, v_m, sigma_m.unwrap_or(tenth_m)));
-        options.white = words.white;
+        let options = RobustOptions {
+            expected: words
+                .expected
+                .map(|(u_m, v_m, sigma_m)| (u_m, v_m, sigma_m.unwrap_or(tenth_m))),
+            white: words.white,
+        };
         Ok(Self::Robust(options))
     }
 }
