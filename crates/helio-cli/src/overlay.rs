@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use helio_io::{IoError, write_rgb};
+use helio_io::{IoError, SeenInFrame, write_rgb};
 use helio_spot::{Frame, Gray, Plane, View};
 
 const CORNERS: [u8; 3] = [0, 220, 255];
@@ -13,39 +13,22 @@ const WINDOW: [u8; 3] = [255, 0, 220];
 const CENTRE: [u8; 3] = [255, 30, 30];
 const SIGMA: [u8; 3] = [40, 255, 60];
 
-/// What to draw; positions in pixels, x right and y down.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Drawing {
-    /// The target, where it was found or given.
-    pub(crate) plane: Option<Plane>,
-    /// Gray value above which light counts, and the rectangle (left, top, right, bottom) within which it does.
-    pub(crate) threshold: Option<(f64, [f64; 4])>,
-    /// Pieces of the outline of what counted, where the method tells it.
-    pub(crate) outline_px: Vec<[[f64; 2]; 2]>,
-    /// Left, top, right, bottom of the window.
-    pub(crate) window: Option<[f64; 4]>,
-    /// Centre of the spot.
-    pub(crate) centre: Option<[f64; 2]>,
-    /// Covariance of its place on the target \[m²\].
-    pub(crate) covariance_m2: Option<[[f64; 2]; 2]>,
-}
-
 /// Draws into a copy of the frame and writes it as PNG.
-pub(crate) fn write(path: &Path, frame: &Frame, drawing: &Drawing) -> Result<(), IoError> {
+pub(crate) fn write(path: &Path, frame: &Frame, seen: &SeenInFrame) -> Result<(), IoError> {
     let mut canvas = match frame {
         Frame::Gray8(picture) => Canvas::new(picture.view(), |gray| gray),
         Frame::Gray16(picture) => Canvas::new(picture.view(), |gray| gray >> 8),
     };
-    if let Some((threshold, within)) = drawing.threshold {
+    if let Some((threshold, within)) = seen.threshold {
         match frame {
             Frame::Gray8(picture) => canvas.outline(picture.view(), threshold, within),
             Frame::Gray16(picture) => canvas.outline(picture.view(), threshold, within),
         }
     }
-    for &[from, to] in &drawing.outline_px {
+    for &[from, to] in &seen.outline_px {
         canvas.line(from, to, OUTLINE);
     }
-    if let Some(plane) = &drawing.plane {
+    if let Some(plane) = &seen.plane {
         let corners = plane.corners();
         for (i, &at) in corners.at_px.iter().enumerate() {
             canvas.line(at, corners.at_px[(i + 1) % 4], EDGE);
@@ -54,15 +37,15 @@ pub(crate) fn write(path: &Path, frame: &Frame, drawing: &Drawing) -> Result<(),
             canvas.cross(at, 0.0, 12.0, if seen { CORNERS } else { HIDDEN });
         }
     }
-    if let Some([left, top, right, bottom]) = drawing.window {
+    if let Some([left, top, right, bottom]) = seen.window {
         let around = [[left, top], [right, top], [right, bottom], [left, bottom]];
         for (i, &at) in around.iter().enumerate() {
             canvas.line(at, around[(i + 1) % 4], WINDOW);
         }
     }
-    if let Some(at) = drawing.centre {
+    if let Some(at) = seen.centre {
         canvas.cross(at, 3.0, 14.0, CENTRE);
-        if let (Some(plane), Some(covariance_m2)) = (&drawing.plane, drawing.covariance_m2) {
+        if let (Some(plane), Some(covariance_m2)) = (&seen.plane, seen.covariance_m2) {
             canvas.ellipse(plane, at, covariance_m2);
         }
     }

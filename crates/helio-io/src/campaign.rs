@@ -213,8 +213,15 @@ fn needed(section: &Section<'_>, key: &Key) -> Result<f64, IoError> {
 /// [`IoError`] with file, line and column for text that is no TOML, an unknown or missing key, a number out of
 /// range, two shares for one wind, and ranges that run backwards.
 pub fn load_limits(path: &Path) -> Result<Limits, IoError> {
-    let text = read_text(path)?;
-    let source = Source { path, text: &text };
+    limits_of_text(path, &read_text(path)?)
+}
+
+/// The same of the text that such a file would have; `path` is what messages call it.
+///
+/// # Errors
+/// As [`load_limits`].
+pub fn limits_of_text(path: &Path, text: &str) -> Result<Limits, IoError> {
+    let source = Source { path, text };
     let document = source.parse()?;
     let file = Section::new(source, String::new(), document.as_table(), None, LIMITS)?;
     let number = |key| needed(&file, key);
@@ -537,8 +544,15 @@ pub struct Campaign {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn load_campaign(path: &Path) -> Result<Campaign, IoError> {
-    let text = read_text(path)?;
-    let source = Source { path, text: &text };
+    campaign_of_text(path, &read_text(path)?)
+}
+
+/// The same of the text that such a file would have; `path` is what messages call it.
+///
+/// # Errors
+/// As [`load_campaign`].
+pub fn campaign_of_text(path: &Path, text: &str) -> Result<Campaign, IoError> {
+    let source = Source { path, text };
     let document = source.parse()?;
     let file = Section::new(source, String::new(), document.as_table(), None, CAMPAIGN)?;
     let text = |section: &Section<'_>, key: &'static Key| -> Result<String, IoError> {

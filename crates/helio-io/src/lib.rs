@@ -23,11 +23,13 @@ mod calibrated;
 mod campaign;
 mod error;
 mod field;
+mod finding;
 mod finished;
 mod flux;
 mod frames;
 mod hash;
 mod joining;
+mod judging;
 mod keys;
 mod leftovers;
 mod log;
@@ -51,16 +53,24 @@ pub use calibrated::{
     CalibratedSet, JointColumns, Provenance, degrees_for, errors_as_written, load_calibration,
     write_calibration,
 };
-pub use campaign::{Campaign, Instrument, limits_toml, load_campaign, load_limits, load_weather};
+pub use campaign::{
+    Campaign, Instrument, campaign_of_text, limits_of_text, limits_toml, load_campaign,
+    load_limits, load_weather,
+};
 pub use error::{IoError, Place, Problem};
 pub use field::{
     CalibrationSchedule, Lapse, LoadedField, ObservationColumns, Site, Target, TargetArea,
     load_field, load_field_calibrated,
 };
+pub use finding::{
+    FinderRoom, SeenInFrame, SpotFinder, SpotMethod, SpotWords, UselessOption, parse_threshold,
+    read_frame,
+};
 pub use finished::Finished;
 pub use flux::{GrayPicture, PictureError, TargetFlux, write_flux_map};
 pub use frames::{FrameFiles, frame_files};
 pub use hash::{Sha256, hash_file};
+pub use judging::{CampaignAsked, JudgedCampaign};
 pub use leftovers::{load_leftovers, write_leftovers};
 pub use log::{ObservationLog, load_observation_log};
 pub use meshes::{LoadedMesh, MatchedNodes, MeshFiles, displace_mesh, load_mesh};
@@ -83,5 +93,5 @@ pub use state::{
     KeptDrive, KeptMount, STATE_FORMAT, StateFile, read_state, state_bytes, write_state,
 };
 pub use table::{MemoryTable, PARQUET_THREAD, TableSource};
-pub use target::{CameraTarget, load_target, target_toml};
+pub use target::{CameraTarget, load_target, target_of_text, target_toml};
 pub use times::{TimeRange, degrees_as_written, format_time, parse_step, parse_time};

@@ -71,8 +71,15 @@ impl CameraTarget {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn load_target(path: &Path) -> Result<CameraTarget, IoError> {
-    let text = read_text(path)?;
-    let source = Source { path, text: &text };
+    target_of_text(path, &read_text(path)?)
+}
+
+/// The same of the text that such a file would have; `path` is what messages call it.
+///
+/// # Errors
+/// As [`load_target`].
+pub fn target_of_text(path: &Path, text: &str) -> Result<CameraTarget, IoError> {
+    let source = Source { path, text };
     let document = source.parse()?;
     let file = Section::new(
         source,

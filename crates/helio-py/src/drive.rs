@@ -212,6 +212,36 @@ impl PyDrive {
         self.0.range_rad()
     }
 
+    /// Made again by `_from_numbers`.
+    fn __reduce__<'py>(this: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Vec<f64>,))> {
+        let again = this.get_type().getattr("_from_numbers")?;
+        Ok((again, (this.get().0.numbers(),)))
+    }
+
+    /// What `__reduce__` hands over.
+    #[staticmethod]
+    fn _from_numbers(numbers: Vec<f64>) -> PyResult<Self> {
+        guarded(|| match Drive::from_numbers(&numbers)? {
+            Some(drive) => Ok(Self(drive)),
+            None => {
+                let message = format!("wanted 5 or 10 of them, got {}", numbers.len());
+                Err(Failure::of("OptionError", "numbers", message))
+            }
+        })
+    }
+
+    fn __eq__(&self, other: &Self) -> bool {
+        self.0 == other.0
+    }
+
+    fn __hash__(&self) -> u64 {
+        let bits = self.0.numbers();
+        // Zeros of either sign are equal.
+        bits.iter().fold(0, |hash: u64, number| {
+            hash.rotate_left(5).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ (number + 0.0).to_bits()
+        })
+    }
+
     fn __repr__(&self) -> String {
         let kind = match self.0 {
             Drive::Encoder(_) => "encoder",

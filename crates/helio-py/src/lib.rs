@@ -3,7 +3,8 @@
 //! The package's own documentation is in its doc strings, which begin here as the comments above each
 //! function and class, in the form that Python's readers know (numpydoc).
 //!
-//! One file per subject: `field`, `track`, `forward`, `sun`, `drive`, `predict`, `calibrate`, `flux`, `simulate`; below
+//! One file per subject: `field`, `track`, `forward`, `sun`, `drive`, `predict`, `calibrate`, `spots`, `accuracy`,
+//! `flux`, `simulate`; below
 //! them what they share: `array` (NumPy in and out), `table` (tables in and out), `failure` (errors), `pool` (threads,
 //! and forks), `guard` (panics), `slab` (memory of answers), `watch` (progress and Ctrl-C of long work).
 
@@ -12,6 +13,7 @@
     reason = "the arguments of a Python function are its keywords"
 )]
 
+mod accuracy;
 mod array;
 mod calibrate;
 mod drive;
@@ -24,6 +26,7 @@ mod pool;
 mod predict;
 mod simulate;
 mod slab;
+mod spots;
 mod sun;
 mod table;
 mod track;
@@ -59,5 +62,11 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(predict::_predict, module)?)?;
     module.add_function(wrap_pyfunction!(calibrate::_calibrate, module)?)?;
     module.add_function(wrap_pyfunction!(table::_write_table, module)?)?;
+
+    module.add_function(wrap_pyfunction!(spots::_find_spots, module)?)?;
+    module.add_function(wrap_pyfunction!(spots::_frame_files, module)?)?;
+    module.add_function(wrap_pyfunction!(spots::_pixels_read, module)?)?;
+    module.add_class::<accuracy::PyJudged>()?;
+    module.add_function(wrap_pyfunction!(accuracy::_accuracy, module)?)?;
     Ok(())
 }

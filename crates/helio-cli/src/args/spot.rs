@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args as ClapArgs, ValueEnum};
+use helio_io::parse_threshold;
 use helio_spot::{RawFormat, Threshold};
 
 use super::{OutArgs, number, positive_m};
@@ -32,7 +33,7 @@ pub(crate) struct SpotArgs {
     pub(crate) method: MethodWord,
     /// Threshold of --method standard: otsu, triangle, fixed:N (a gray value) or multi:N (the brightest of
     /// N classes, 2 to 4) [default: otsu]
-    #[arg(long, value_name = "THRESHOLD", value_parser = threshold)]
+    #[arg(long, value_name = "THRESHOLD", value_parser = parse_threshold)]
     pub(crate) threshold: Option<Threshold>,
     /// Where the spot is expected on the target, in metres right and down of its centre, and how closely (one standard
     /// deviation; a tenth of the target unless given): ranks several spots of a frame
@@ -200,25 +201,6 @@ pub(crate) enum ShapeWord {
     Facets,
 }
 
-fn threshold(text: &str) -> Result<Threshold, String> {
-    let wanted = "wanted otsu, triangle, fixed:N (a gray value) or multi:N (2 to 4 classes)";
-    match text.split_once(':') {
-        None if text == "otsu" => Ok(Threshold::Otsu),
-        None if text == "triangle" => Ok(Threshold::Triangle),
-        Some(("fixed", gray)) => match gray.parse::<u32>() {
-            Ok(gray) if gray <= 65_535 => Ok(Threshold::Fixed(gray)),
-            _ => Err(format!(
-                "{wanted}; a gray value is a whole number in 0..=65535"
-            )),
-        },
-        Some(("multi", classes)) => match classes.parse::<u8>() {
-            Ok(classes) if (2..=4).contains(&classes) => Ok(Threshold::MultiOtsu { classes }),
-            _ => Err(wanted.into()),
-        },
-        _ => Err(wanted.into()),
-    }
-}
-
 fn expected(text: &str) -> Result<ExpectedPlace, String> {
     let wanted = "wanted two or three numbers of metres, such as 0.5,-0.2 or 0.5,-0.2,0.3";
     let parts: Vec<f64> = text
@@ -291,17 +273,6 @@ mod tests {
 
     #[test]
     fn words_are_read_or_refused_with_what_is_wanted() {
-        assert_eq!(threshold("fixed:300"), Ok(Threshold::Fixed(300)));
-        assert_eq!(
-            threshold("multi:3"),
-            Ok(Threshold::MultiOtsu { classes: 3 })
-        );
-        for text in ["multi:5", "fixed:", "fixed:-1", "Otsu", "otsu:1", ""] {
-            assert!(
-                threshold(text).unwrap_err().contains("wanted otsu"),
-                "{text}"
-            );
-        }
         assert_eq!(expected("0.5,-0.2").map(|e| e.v_m), Ok(-0.2));
         for text in ["1", "1,2,0", "1,2,3,4", "1,nan", "a,b"] {
             assert!(expected(text).is_err(), "{text}");

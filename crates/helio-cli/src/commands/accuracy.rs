@@ -4,16 +4,15 @@ use std::path::{Path, PathBuf};
 
 use helio_io::output::{Cells, Destination, write_columns};
 use helio_io::{
-    AtomicFile, Campaign, SpotRow as FileRow, SpotTable, format_time, hash_file, load_campaign,
-    load_limits, load_spots, load_weather, write_file, write_spots,
+    AtomicFile, Campaign, CampaignAsked, JudgedCampaign, SpotRow as FileRow, SpotTable,
+    format_time, hash_file, load_campaign, load_limits, load_spots, load_weather, write_file,
+    write_spots,
 };
 use helio_report::accuracy::{AccuracyPage, accuracy_page};
 use helio_spot::SpotStatus;
 use helio_spot::accuracy::{
-    AccuracyError, BinOutcome, Evaluation, Figure, Figures, FrameStatus, Limits, Options, Setup,
-    SpotRow, Warning, WindBin, evaluate, simulate,
+    AccuracyError, BinOutcome, Figure, FrameStatus, Limits, Options, Warning, simulate,
 };
-use serde_json::{Map, Value, json};
 
 use super::calibrate::{report_file, write_page};
 use crate::Outcome;
@@ -60,56 +59,49 @@ pub(crate) fn run(args: &AccuracyArgs, printer: &Printer) -> Result<Outcome, Fai
         .iter()
         .map(|path| Ok((path.display().to_string(), hash_file(path)?)))
         .collect::<Result<Vec<_>, Failure>>()?;
-    let setup = Setup {
+    let asked = CampaignAsked {
+        spots: &table,
+        weather: weather.as_ref(),
+        limits,
+        campaign,
         aim_m: args.aim.0,
         slant_m: args.slant_m,
-        toward_heliostat: args.heliostat_at_deg.map(|two| toward(two.0)),
-        uncertainty: campaign.uncertainty,
+        heliostat_at_deg: args.heliostat_at_deg.map(|two| two.0),
+        options: options(args),
+        files,
     };
-    let options = options(args);
-    let spots: Vec<SpotRow> = table.rows.iter().map(of_file).collect();
-    let mut said = campaign.statements.clone();
-    said.spot_method_of_table = method_of(&table).map(str::to_owned);
-    if let (Some(stated), Some(shown)) = (&said.spot_method, &said.spot_method_of_table)
-        && stated != shown
-    {
+    let judged = asked.judged().map_err(|error| {
+        let file = match error {
+            AccuracyError::NoSpots => Some(&args.spots),
+            AccuracyError::Uncertainty { .. } => args.campaign.as_ref(),
+            AccuracyError::Length { .. } | AccuracyError::WeatherOrder { .. } => {
+                args.weather.as_ref()
+            }
+            _ => None,
+        };
+        let place = file.map_or_else(String::new, |file| format!("{}: ", file.display()));
+        Failure::refused(format!("{place}{error}"))
+    })?;
+    if let Some([stated, shown]) = &judged.methods_differ {
         printer.warn(format_args!(
             "{} is of the method {shown}, though {} states {stated}",
             args.spots.display(),
             args.campaign.as_deref().unwrap_or(Path::new("")).display()
         ));
     }
-    let found =
-        evaluate(&spots, weather.as_ref(), &setup, &limits, &options, &said).map_err(|error| {
-            let file = match error {
-                AccuracyError::NoSpots => Some(&args.spots),
-                AccuracyError::Uncertainty { .. } => args.campaign.as_ref(),
-                AccuracyError::Length { .. } | AccuracyError::WeatherOrder { .. } => {
-                    args.weather.as_ref()
-                }
-                _ => None,
-            };
-            let place = file.map_or_else(String::new, |file| format!("{}: ", file.display()));
-            Failure::refused(format!("{place}{error}"))
-        })?;
     let about = About {
         args,
-        found: &found,
-        limits: &limits,
-        options: &options,
-        setup: &setup,
-        campaign: &campaign,
-        files: &files,
+        judged: &judged,
         table: &table,
     };
     if let Some(file) = report {
-        write_page(file, &accuracy_page(&about.page(&spots)))?;
+        write_page(file, &accuracy_page(&about.page()))?;
     }
     if let Some(path) = &args.frames {
         let destination = plan::destination(Some(path), frames_format, &inputs, printer)?;
-        write_frames(destination, frames_format, &table, &found)?;
+        judged.write_frames(destination, frames_format, &table)?;
     }
-    let mut text = serde_json::to_string_pretty(&about.json())
+    let mut text = serde_json::to_string_pretty(&judged.json(env!("CARGO_PKG_VERSION")))
         .map_err(|error| Failure::refused(format!("accuracy: {error}")))?;
     text.push('\n');
     match args.out.as_deref().filter(|path| !plan::is_stdout(path)) {
@@ -117,7 +109,11 @@ pub(crate) fn run(args: &AccuracyArgs, printer: &Printer) -> Result<Outcome, Fai
         None => printer.data(&text)?,
     }
     about.say(printer);
-    let left_out = found.frames.iter().any(|f| f.status != FrameStatus::Ok);
+    let left_out = judged
+        .evaluation
+        .frames
+        .iter()
+        .any(|f| f.status != FrameStatus::Ok);
     Ok(if left_out {
         Outcome::SomeRowsFailed
     } else {
@@ -160,16 +156,6 @@ fn check_outputs(args: &AccuracyArgs, inputs: &[PathBuf]) -> Result<(), Failure>
     Ok(())
 }
 
-/// From the aim point to the heliostat: right, down, out of the target.
-fn toward([right_deg, below_deg]: [f64; 2]) -> [f64; 3] {
-    let (right, below) = (right_deg.to_radians(), below_deg.to_radians());
-    [
-        right.sin() * below.cos(),
-        below.sin(),
-        right.cos() * below.cos(),
-    ]
-}
-
 fn options(args: &AccuracyArgs) -> Options {
     let mut accepted = vec![SpotStatus::Ok];
     for word in &args.accept {
@@ -191,280 +177,30 @@ fn options(args: &AccuracyArgs) -> Options {
     }
 }
 
-/// The method that wrote a table, where its columns show it: the standard's window, or a threshold without one.
-fn method_of(table: &SpotTable) -> Option<&'static str> {
-    let found = || table.rows.iter().filter(|row| row.at_m.is_some());
-    let all = |of: fn(&FileRow) -> bool| found().next().is_some() && found().all(of);
-    if all(|row| row.window_px.is_some()) {
-        Some("standard")
-    } else if all(|row| row.window_px.is_none() && row.threshold.is_some()) {
-        Some("robust")
-    } else {
-        None
-    }
-}
-
-fn of_file(row: &FileRow) -> SpotRow {
-    SpotRow {
-        unix_ns: row.unix_ns,
-        spot_m: row.at_m,
-        sigma_m: row.sigma_m,
-        status: row.status,
-    }
-}
-
-/// Every frame with its error.
-fn write_frames(
-    destination: Destination,
-    format: helio_io::output::Format,
-    table: &SpotTable,
-    found: &Evaluation,
-) -> Result<(), Failure> {
-    let rows = &table.rows;
-    let files: Vec<String> = rows.iter().map(|row| row.file.clone()).collect();
-    let times: Vec<Option<i64>> = rows.iter().map(|row| row.unix_ns).collect();
-    let at = |k: usize| -> Vec<f64> {
-        rows.iter()
-            .map(|row| row.at_m.map_or(f64::NAN, |at| at[k]))
-            .collect()
-    };
-    let of = |of: &dyn Fn(&helio_spot::accuracy::EvaluatedFrame) -> Option<f64>| -> Vec<f64> {
-        found
-            .frames
-            .iter()
-            .map(|frame| of(frame).unwrap_or(f64::NAN))
-            .collect()
-    };
-    let status: Vec<String> = found
-        .frames
-        .iter()
-        .map(|frame| frame.status.as_str().to_owned())
-        .collect();
-    let columns = [
-        ("file", Cells::Text(&files)),
-        ("time", Cells::Times(&times)),
-        ("u_m", Cells::Numbers(&at(0))),
-        ("v_m", Cells::Numbers(&at(1))),
-        ("eta_mrad", Cells::Numbers(&of(&|f| f.eta_mrad))),
-        ("angle_mrad", Cells::Numbers(&of(&|f| f.angle_mrad))),
-        ("wind_m_s", Cells::Numbers(&of(&|f| f.wind_m_s))),
-        ("dni_w_m2", Cells::Numbers(&of(&|f| f.dni_w_m2))),
-        (
-            "air_temperature_c",
-            Cells::Numbers(&of(&|f| f.air_temperature_c)),
-        ),
-        ("status", Cells::Text(&status)),
-    ];
-    write_columns(destination, format, &columns)?;
-    Ok(())
-}
-
 /// Everything that is reported.
 struct About<'a> {
     args: &'a AccuracyArgs,
-    found: &'a Evaluation,
-    limits: &'a Limits,
-    options: &'a Options,
-    setup: &'a Setup,
-    campaign: &'a Campaign,
-    files: &'a [(String, String)],
+    judged: &'a JudgedCampaign,
     table: &'a SpotTable,
 }
 
 impl About<'_> {
-    fn heliostat(&self) -> &str {
-        let mut instruments = self.campaign.instruments.iter();
-        instruments
-            .find(|instrument| instrument.role == "heliostat")
-            .map_or("", |heliostat| heliostat.name.as_str())
-    }
-
-    fn page<'b>(&'b self, spots: &'b [SpotRow]) -> AccuracyPage<'b> {
-        let campaign = self.campaign;
-        let mut facts = Vec::new();
-        for (name, text) in [
-            ("laboratory", &campaign.laboratory),
-            ("operator", &campaign.operator),
-            ("place", &campaign.place),
-        ] {
-            if !text.is_empty() {
-                facts.push((name.to_owned(), text.clone()));
-            }
-        }
-        if let Some([from, to]) = self.found.counted_ns {
-            facts.push((
-                "time".to_owned(),
-                format!("{} to {}", format_time(from), format_time(to)),
-            ));
-        }
-        let counted = self.found.counts.first().map_or(0, |(_, count)| *count);
-        facts.push((
-            "frames".to_owned(),
-            format!(
-                "{} of {} counted",
-                Grouped(counted as u64),
-                Grouped(spots.len() as u64)
-            ),
-        ));
-        let [u_m, v_m] = self.setup.aim_m;
-        facts.push((
-            "aim point".to_owned(),
-            format!(
-                "{u_m} m right and {v_m} m down of the target's centre, {} m from the heliostat",
-                self.setup.slant_m
-            ),
-        ));
-        if let Some(two) = self.args.heliostat_at_deg {
-            let [right, below] = two.0;
-            facts.push((
-                "heliostat".to_owned(),
-                format!("{right}° right of the target's normal and {below}° below it, seen from the aim point"),
-            ));
-        }
-        let of = match self.heliostat() {
-            "" => String::new(),
-            name => format!(" of heliostat {name}"),
-        };
+    fn page(&self) -> AccuracyPage<'_> {
+        let judged = self.judged;
         AccuracyPage {
-            title: format!("Tracking accuracy{of}"),
+            title: judged.title(),
             version: format!("helio-rs {}", env!("CARGO_PKG_VERSION")),
             generated_utc: made_at(),
-            facts,
-            evaluation: self.found,
-            spots,
-            setup: self.setup,
-            limits: self.limits,
-            options: self.options,
-            instruments: campaign
-                .instruments
-                .iter()
-                .map(|i| {
-                    [
-                        i.role.to_owned(),
-                        i.name.clone(),
-                        i.maker.clone(),
-                        i.serial.clone(),
-                        i.calibrated.clone(),
-                    ]
-                })
-                .collect(),
-            files: self.files.to_vec(),
-            notes: campaign.notes.clone(),
+            facts: judged.facts(),
+            evaluation: &judged.evaluation,
+            spots: &judged.spots,
+            setup: &judged.setup,
+            limits: &judged.limits,
+            options: &judged.options,
+            instruments: judged.instruments(),
+            files: judged.files.clone(),
+            notes: judged.campaign.notes.clone(),
         }
-    }
-
-    fn json(&self) -> Value {
-        let (found, limits, options, setup) = (self.found, self.limits, self.options, self.setup);
-        let shares: Vec<Value> = found
-            .judged
-            .iter()
-            .map(|judged| {
-                let mut bin = bin(&judged.bin, setup);
-                bin.insert("wind_m_s".to_owned(), json!(judged.limit.wind_m_s));
-                bin.insert("limit".to_owned(), json!(judged.limit.share));
-                bin.insert("interval_is".to_owned(), json!(judged.outcome.as_str()));
-                bin.insert("share_above_limit".to_owned(), json!(judged.printed));
-                let wanted = json!(judged.frames_to_decide);
-                bin.insert("independent_frames_to_decide".to_owned(), wanted);
-                Value::Object(bin)
-            })
-            .collect();
-        let histogram: Vec<Value> = found
-            .histogram
-            .iter()
-            .map(|b| Value::Object(bin(b, setup)))
-            .collect();
-        let clauses: Vec<Value> = found
-            .clauses
-            .iter()
-            .map(|clause| {
-                json!({
-                    "clause": clause.number,
-                    "title": clause.title,
-                    "outcome": clause.outcome.as_str(),
-                    "found": clause.words,
-                })
-            })
-            .collect();
-        let instruments: Vec<Value> = self
-            .campaign
-            .instruments
-            .iter()
-            .map(|i| {
-                json!({
-                    "role": i.role, "name": i.name, "maker": i.maker, "serial": i.serial,
-                    "calibrated": i.calibrated,
-                })
-            })
-            .collect();
-        let files: Vec<Value> = self
-            .files
-            .iter()
-            .map(|(name, hash)| json!({ "file": name, "sha256": hash }))
-            .collect();
-        let counts: Map<String, Value> = found
-            .counts
-            .iter()
-            .map(|(status, count)| (status.as_str().to_owned(), json!(count)))
-            .collect();
-        let warnings: Vec<String> = found.warnings.iter().map(ToString::to_string).collect();
-        let accepted: Vec<&str> = options.accepted.iter().map(|s| s.as_str()).collect();
-        let limit_shares: Vec<Value> = limits
-            .shares
-            .iter()
-            .map(|limit| json!({ "wind_m_s": limit.wind_m_s, "share": limit.share }))
-            .collect();
-        let time = |k: usize| found.counted_ns.map(|times| format_time(times[k]));
-        json!({
-            "verdict": found.verdict.as_str(),
-            "printed_rule": found.printed_verdict.map(|good| if good { "qualified" } else { "not qualified" }),
-            "shares": shares,
-            "figures": found.figures.as_ref().map(|f| figures(f, setup)),
-            "histogram": histogram,
-            "frames": counts,
-            "counted_from": time(0),
-            "counted_to": time(1),
-            "median_step_s": found.step_s,
-            "warnings": warnings,
-            "clauses": clauses,
-            "setup": {
-                "slant_m": setup.slant_m,
-                "aim_m": setup.aim_m,
-                "toward_heliostat": setup.toward_heliostat,
-                "sigma_slant_m": setup.uncertainty.slant_m,
-                "sigma_pixel_scale": setup.uncertainty.scale,
-                "sigma_survey_m": setup.uncertainty.survey_m,
-                "sigma_centre_m": setup.uncertainty.centre_m,
-            },
-            "limits": {
-                "name": limits.name,
-                "angle_mrad": limits.angle_mrad,
-                "shares": limit_shares,
-                "least_dni_w_m2": limits.least_dni_w_m2,
-                "air_temperature_c": limits.air_temperature_c,
-                "wind_m_s": limits.wind_m_s,
-                "camera_bits": limits.camera_bits,
-                "camera_frames_per_s": limits.camera_frames_per_s,
-                "camera_px": limits.camera_px,
-            },
-            "options": {
-                "bin_half_width_m_s": options.bin_half_width_m_s,
-                "histogram_step_m_s": options.histogram_step_m_s,
-                "confidence": options.confidence,
-                "weather_gap_s": options.weather_gap_s,
-                "accepted": accepted,
-            },
-            "campaign": {
-                "heliostat": self.heliostat(),
-                "laboratory": self.campaign.laboratory,
-                "operator": self.campaign.operator,
-                "place": self.campaign.place,
-                "instruments": instruments,
-                "notes": self.campaign.notes,
-            },
-            "files": files,
-            "version": env!("CARGO_PKG_VERSION"),
-        })
     }
 
     /// A time and where its rows stand.
@@ -487,7 +223,7 @@ impl About<'_> {
     }
 
     fn say(&self, printer: &Printer) {
-        let found = self.found;
+        let found = &self.judged.evaluation;
         let counted = found.counts.first().map_or(0, |(_, count)| *count);
         printer.say(format_args!(
             "{} counted, of {}",
@@ -533,7 +269,7 @@ impl About<'_> {
                 judged.limit.wind_m_s,
                 100.0 * share,
                 Counted(bin.frames, "frame"),
-                self.limits.angle_mrad,
+                self.judged.limits.angle_mrad,
                 100.0 * bin.interval[0],
                 100.0 * bin.interval[1],
                 100.0 * judged.limit.share
@@ -550,55 +286,11 @@ impl About<'_> {
                 _ => printer.warn(warning),
             }
         }
-        printer.say(format_args!("{} by {}", found.verdict, self.limits.name));
+        printer.say(format_args!(
+            "{} by {}",
+            found.verdict, self.judged.limits.name
+        ));
     }
-}
-
-fn bin(bin: &WindBin, setup: &Setup) -> Map<String, Value> {
-    let value = json!({
-        "from_m_s": bin.from_m_s,
-        "to_m_s": bin.to_m_s,
-        "frames": bin.frames,
-        "without_spot": bin.lost,
-        "within": bin.within,
-        "share": bin.share,
-        "share_as_defined": bin.defined_share,
-        "mean_wind_m_s": bin.mean_wind_m_s,
-        "independent_frames": bin.independent_frames,
-        "sampling_interval": bin.sampling,
-        "instruments_lower_raise": bin.instruments,
-        "interval": bin.interval,
-        "figures": bin.figures.as_ref().map(|f| figures(f, setup)),
-    });
-    match value {
-        Value::Object(map) => map,
-        _ => Map::new(),
-    }
-}
-
-/// Figures with one standard deviation from each cause; null is what was not stated, or what nobody knows.
-fn figures(figures: &Figures, setup: &Setup) -> Value {
-    let unsure = setup.uncertainty;
-    let one = |figure: &Figure| {
-        json!({
-            "mrad": figure.mrad,
-            "sigma_mrad": figure.uncertainty_mrad(),
-            "sigma_sampling_mrad": figure.sampling_mrad,
-            "sigma_slant_mrad": unsure.slant_m.map(|_| figure.slant_mrad),
-            "sigma_pixel_scale_mrad": unsure.scale.map(|_| figure.scale_mrad),
-            "sigma_survey_mrad": unsure.survey_m.map(|_| figure.survey_mrad),
-            "sigma_centre_mrad": (figures.centre_noise_mrad > 0.0).then_some(figure.camera_mrad),
-        })
-    };
-    json!({
-        "accuracy": one(&figures.accuracy),
-        "precision": one(&figures.precision),
-        "bias": one(&figures.bias),
-        "accuracy_precision_bias_as_defined_mrad": figures.defined_mrad,
-        "mean_spot_m": figures.mean_m,
-        "centre_noise_mrad": figures.centre_noise_mrad,
-        "independent_frames": figures.independent_frames,
-    })
 }
 
 /// `simulate campaign`.

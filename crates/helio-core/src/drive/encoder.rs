@@ -49,6 +49,17 @@ impl EncoderDrive {
         Ok(self)
     }
 
+    pub(super) fn numbers(&self) -> [f64; 5] {
+        let (min_steps, max_steps) = self.range_steps;
+        let Self {
+            steps_per_rad,
+            zero_steps,
+            sign,
+            ..
+        } = *self;
+        [steps_per_rad, zero_steps, sign, min_steps, max_steps]
+    }
+
     /// See [`Drive::steps`](super::Drive::steps).
     #[must_use]
     pub fn steps(&self, angle_rad: f64) -> Option<f64> {

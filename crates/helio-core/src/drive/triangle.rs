@@ -177,6 +177,53 @@ impl TriangleDrive {
         2.0 * libm::atan2(libm::sqrt(opposite.max(0.0)), libm::sqrt(adjacent.max(0.0)))
     }
 
+    pub(super) fn numbers(&self) -> [f64; 10] {
+        let ((min_steps, max_steps), (min_rad, max_rad)) = (self.range_steps, self.limits_rad);
+        [
+            self.side_a_m,
+            self.side_b_m,
+            self.length_at_zero_m,
+            self.steps_per_m,
+            self.slope,
+            self.reference_rad,
+            min_steps,
+            max_steps,
+            min_rad,
+            max_rad,
+        ]
+    }
+
+    pub(super) fn from_numbers(numbers: [f64; 10]) -> Result<Self, DriveError> {
+        let [
+            side_a_m,
+            side_b_m,
+            length_at_zero_m,
+            steps_per_m,
+            slope,
+            reference_rad,
+            ..,
+        ] = numbers;
+        let [.., min_steps, max_steps, min_rad, max_rad] = numbers;
+        positive("side_a_m", side_a_m)?;
+        positive("side_b_m", side_b_m)?;
+        finite("length_at_zero_m", length_at_zero_m)?;
+        positive("steps_per_m", steps_per_m)?;
+        unit_sign(slope)?;
+        finite("reference_rad", reference_rad)?;
+        Self {
+            side_a_m,
+            side_b_m,
+            length_at_zero_m,
+            steps_per_m,
+            slope,
+            reference_rad,
+            range_steps: (f64::NEG_INFINITY, f64::INFINITY),
+            limits_rad: (f64::NEG_INFINITY, f64::INFINITY),
+        }
+        .with_range(min_steps, max_steps)?
+        .with_stops(min_rad, max_rad)
+    }
+
     /// See [`Drive::steps`](super::Drive::steps).
     #[must_use]
     pub fn steps(&self, angle_rad: f64) -> Option<f64> {

@@ -18,6 +18,7 @@ Every failure is a ``HelioError``; a row that cannot be computed is none, it has
 import warnings as _warnings
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 
+from helio_py._accuracy import Accuracy, AccuracyFigure, accuracy
 from helio_py._calibrate import Calibration, calibrate
 from helio_py._errors import (
     AngleError,
@@ -55,6 +56,7 @@ from helio_py._flux import CameraFlux, FluxAccount, SlopeErrors, TargetMap, flux
 from helio_py._native import Drive, Field, Flux, Tracking, __version__, _optimised, forward, sun_position, track
 from helio_py._predict import Prediction, predict
 from helio_py._simulate import SimulatedObservations, simulate_field, simulate_observations
+from helio_py._spots import Spot, Spots, find_spot, find_spots
 from helio_py._status import Status, status_words
 from helio_py._sun import SunPosition
 
@@ -130,3 +132,4 @@ __all__ += [
 ]
 __all__ += ["Paint", "convert_paint"]
 __all__ += ["SimulatedObservations", "simulate_field", "simulate_observations"]
+__all__ += ["Accuracy", "AccuracyFigure", "Spot", "Spots", "accuracy", "find_spot", "find_spots"]

@@ -6,9 +6,8 @@ import os
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
-from helio_py._errors import DataTypeError, OptionError
+from helio_py._errors import OptionError
+from helio_py._toml import toml_text, wrong
 
 
 def scene_asked(
@@ -27,52 +26,11 @@ def scene_asked(
             error.field = name
             raise error
     if isinstance(scene, Mapping):
-        return {"path": "scene", "text": _toml(scene), **asked}
+        for name, table in scene.items():
+            if not isinstance(table, Mapping):
+                raise wrong(f"scene {name}", f"expected a mapping of keys, got {type(table).__name__}")
+        return {"path": "scene", "text": toml_text(scene, "scene"), **asked}
     if isinstance(scene, (str, os.PathLike)):
         return {"path": os.fspath(scene), "text": None, **asked}
     found = "nothing" if scene is None else type(scene).__name__
-    raise _wrong("scene", f"expected the path of a scene.toml or a mapping of its tables, got {found}")
-
-
-def _wrong(what: str, message: str) -> DataTypeError:
-    error = DataTypeError(f"{what}: {message}")
-    error.field = what
-    return error
-
-
-def _toml(scene: Mapping[Any, Any]) -> str:
-    lines = []
-    for name, table in scene.items():
-        if not isinstance(table, Mapping):
-            raise _wrong(f"scene {name}", f"expected a mapping of keys, got {type(table).__name__}")
-        lines.append(f"[{_key(name)}]")
-        for key, value in table.items():
-            lines.append(f"{_key(key)} = {_value(f'scene {name}.{key}', value)}")
-    return "\n".join(lines) + "\n"
-
-
-def _key(name: Any) -> str:
-    if not isinstance(name, str):
-        raise _wrong("scene", f"expected names of keys, got {type(name).__name__}")
-    return name if name.replace("_", "").isalnum() and name.isascii() else _text(name)
-
-
-def _value(what: str, value: Any) -> str:
-    if isinstance(value, os.PathLike):
-        value = os.fspath(value)
-    if isinstance(value, (np.ndarray, np.generic)):
-        value = value.tolist()
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return _text(value)
-    if isinstance(value, (int, float)):
-        return repr(value)  # reads back as the same number
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(_value(what, one) for one in value) + "]"
-    raise _wrong(what, f"expected a number, a text or a list of them, got {type(value).__name__}")
-
-
-def _text(text: str) -> str:
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in escaped) + '"'
+    raise wrong("scene", f"expected the path of a scene.toml or a mapping of its tables, got {found}")

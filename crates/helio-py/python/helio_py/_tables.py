@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from helio_py._errors import DataTypeError, HelioError, ShapeError
+from helio_py._errors import DataTypeError, HelioError, OptionError, ShapeError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -36,6 +36,8 @@ def taken(value: Any, what: str) -> Any:
         return os.fspath(value)
     if isinstance(value, dict):
         return [_column(name, cells, what) for name, cells in _of_one_length(value, what).items()]
+    if hasattr(value, "_table_columns"):  # of this package
+        return value._table_columns
     if hasattr(value, "__arrow_c_stream__"):
         try:
             return value.__arrow_c_stream__()
@@ -120,6 +122,16 @@ def _times(cells: Any, name: str, what: str) -> NDArray[np.int64]:
         error.args = (f"{what}: column {name}: {error}",)
         error.field = name
         raise
+
+
+def checked_kind(kind: Any) -> str:
+    """A kind of table that somebody asks for by name."""
+    kinds = ("dict", "pandas", "polars", "pyarrow")
+    if kind not in kinds:
+        error = OptionError(f"kind: wanted {', '.join(kinds[:-1])} or {kinds[-1]}, got `{kind}`")
+        error.field = "kind"
+        raise error
+    return str(kind)
 
 
 def given_back(columns: list[Column], kind: str) -> Any:

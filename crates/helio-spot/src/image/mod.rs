@@ -182,3 +182,40 @@ impl<P: Gray> Picture<P> {
         self.pixels
     }
 }
+
+macro_rules! of_colours {
+    ($gray:ty, $luma:path) => {
+        impl Picture<$gray> {
+            /// Of red, green and blue, pixel by pixel and row by row; they become gray as those of a file do, see
+            /// [`decode`].
+            ///
+            /// # Errors
+            /// As [`View::new`].
+            ///
+            /// ```
+            /// use helio_spot::Picture;
+            /// let picture = Picture::<u8>::of_rgb(&[255, 255, 255, 100, 0, 0], 2, 1)?;
+            /// assert_eq!(picture.view().row(0), [255, 30]);
+            /// # Ok::<(), helio_spot::SpotError>(())
+            /// ```
+            pub fn of_rgb(
+                samples: &[$gray],
+                width: usize,
+                height: usize,
+            ) -> Result<Self, SpotError> {
+                if !samples.len().is_multiple_of(3) {
+                    return Err(SpotError::WrongSize {
+                        width,
+                        height,
+                        wanted: width.saturating_mul(height).max(1),
+                        found: samples.len() / 3,
+                    });
+                }
+                Self::new($luma(samples), width, height)
+            }
+        }
+    };
+}
+
+of_colours!(u8, luma::luma8::<3>);
+of_colours!(u16, luma::luma16::<3>);

@@ -1,0 +1,69 @@
+"""Mappings as the text of the TOML file that would say the same."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from helio_py._errors import DataTypeError
+
+
+def path_and_text(value: Any, what: str, of: str) -> tuple[str, str | None]:
+    """The path of a file, or of a mapping a name for messages and the text of such a file; ``of`` is its usual name."""
+    if isinstance(value, Mapping):
+        return what, toml_text(value, what)
+    if isinstance(value, (str, os.PathLike)):
+        return os.fspath(value), None
+    found = "nothing" if value is None else type(value).__name__
+    raise wrong(what, f"expected the path of a {of} or a mapping of its keys, got {found}")
+
+
+def wrong(what: str, message: str) -> DataTypeError:
+    """An argument that is not what is wanted."""
+    error = DataTypeError(f"{what}: {message}")
+    error.field = what
+    return error
+
+
+def toml_text(table: Mapping[Any, Any], what: str, section: str = "") -> str:
+    """Keys first, then tables, however deep."""
+    lines, tables = [], []
+    for name, value in table.items():
+        key = _key(name, what)
+        if isinstance(value, Mapping):
+            inner = f"{section}.{key}" if section else key
+            tables.append(f"[{inner}]\n{toml_text(value, what, inner)}")
+        elif value is not None:
+            dotted = f"{section}.{key}" if section else key
+            lines.append(f"{key} = {_value(f'{what} {dotted}', value)}\n")
+    return "".join(lines + tables)
+
+
+def _key(name: Any, what: str) -> str:
+    if not isinstance(name, str):
+        raise wrong(what, f"expected names of keys, got {type(name).__name__}")
+    return name if name.replace("_", "").isalnum() and name.isascii() else _text(name)
+
+
+def _value(what: str, value: Any) -> str:
+    if isinstance(value, os.PathLike):
+        value = os.fspath(value)
+    if isinstance(value, (np.ndarray, np.generic)):
+        value = value.tolist()
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return _text(value)
+    if isinstance(value, (int, float)):
+        return repr(value)  # reads back as the same number
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_value(what, one) for one in value) + "]"
+    raise wrong(what, f"expected a number, a text or a list of them, got {type(value).__name__}")
+
+
+def _text(text: str) -> str:
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in escaped) + '"'
