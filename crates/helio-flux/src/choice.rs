@@ -29,13 +29,15 @@ const MOST_PILOT: f64 = (1_u64 << 33) as f64;
 const MOST_RAYS: f64 = (1_u64 << 40) as f64;
 
 /// Seconds of one thread, for a ray (of a plane, a round receiver, a mesh), for its being asked whether it is shaded or
-/// blocked, for making an element and a set of rays ready, and for a polygon under a cone: measured on one machine; only
-/// their ratios count.
-const RAY_S: [f64; 3] = [1e-9, 2e-9, 5e-8];
-const OCCLUDED_RAY_S: f64 = 5e-9;
+/// blocked, for making an element and a set of rays ready, for a polygon under a cone and for tables of cones: measured on
+/// one machine by `benches/src/bin/flux_choice.rs`; only their ratios count. Neighbours cost 7e-9 (a field) to 1.7e-8
+/// (strips side by side).
+const RAY_S: [f64; 3] = [1.2e-9, 1.4e-8, 2.1e-7];
+const OCCLUDED_RAY_S: f64 = 1e-8;
 const ELEMENT_S: f64 = 1.5e-6;
-const SET_S: f64 = 1e-2;
-const POLYGON_S: f64 = 1e-7;
+const SET_S: f64 = 2e-3;
+const POLYGON_S: f64 = 9e-8;
+const TABLES_S: f64 = 2e-3;
 
 /// A way to a map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -172,7 +174,7 @@ pub fn choose_way(
             why: Why::NoRays,
         });
     };
-    let convolution_s = polygons.map(|polygons| polygons * POLYGON_S);
+    let convolution_s = polygons.map(|polygons| TABLES_S + polygons * POLYGON_S);
     let way = match convolution_s {
         Some(seconds) if seconds <= rays_s => by_convolution,
         _ => Way::Rays(rays),
