@@ -136,7 +136,7 @@ class Accuracy:
 
     def write(self, path: str | PathLike[str]) -> None:
         """Writes the page (.html), everything (.json), or the table of frames (.csv, .parquet, .jsonl)."""
-        from pathlib import Path  # not at import: a quarter of its time
+        from pathlib import Path  # not at import, as json
 
         suffix = Path(path).suffix.lower()
         if suffix in (".html", ".htm"):
@@ -148,7 +148,7 @@ class Accuracy:
 
 
 def _parsed(text: str) -> dict[str, Any]:
-    import json  # not at import, as below
+    import json  # not at import, which is to be quick
 
     found: dict[str, Any] = json.loads(text)
     return found
