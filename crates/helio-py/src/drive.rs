@@ -5,6 +5,7 @@ use pyo3::prelude::*;
 
 use crate::array::{Numbers, owned_or_number};
 use crate::failure::Failure;
+use crate::given::{flag, number};
 use crate::guard::guarded;
 
 /// The mechanism that turns one axis: angles to motor steps and back.
@@ -23,18 +24,27 @@ use crate::guard::guarded;
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PyDrive(pub(crate) Drive);
 
-type Range = (Option<f64>, Option<f64>);
+/// An argument that may be left out.
+type Maybe<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
+type Range<'a, 'py> = (Maybe<'a, 'py>, Maybe<'a, 'py>);
 
-fn ends((min_steps, max_steps): Range) -> Option<(f64, f64)> {
-    if min_steps.is_none() && max_steps.is_none() {
-        return None;
-    }
-    let min_steps = min_steps.unwrap_or(f64::NEG_INFINITY);
-    Some((min_steps, max_steps.unwrap_or(f64::INFINITY)))
+fn number_or(given: Maybe<'_, '_>, what: &str, default: f64) -> Result<f64, Failure> {
+    given.map_or(Ok(default), |given| number(given, what))
 }
 
-fn triangle(drive: TriangleDrive, range: Range) -> Result<PyDrive, Failure> {
-    Ok(PyDrive(Drive::Triangle(match ends(range) {
+fn ends((min_steps, max_steps): Range<'_, '_>) -> Result<Option<(f64, f64)>, Failure> {
+    if min_steps.is_none() && max_steps.is_none() {
+        return Ok(None);
+    }
+    let min_steps = number_or(min_steps, "min_steps", f64::NEG_INFINITY)?;
+    Ok(Some((
+        min_steps,
+        number_or(max_steps, "max_steps", f64::INFINITY)?,
+    )))
+}
+
+fn triangle(drive: TriangleDrive, range: Range<'_, '_>) -> Result<PyDrive, Failure> {
+    Ok(PyDrive(Drive::Triangle(match ends(range)? {
         Some((min_steps, max_steps)) => drive.with_range(min_steps, max_steps)?,
         None => drive,
     })))
@@ -72,17 +82,24 @@ impl PyDrive {
     /// min_steps, max_steps : float, optional
     ///     Ends of the mechanism.
     #[staticmethod]
-    #[pyo3(signature = (steps_per_rad, *, zero_steps=0.0, sign=1.0, min_steps=None, max_steps=None))]
+    #[pyo3(
+        signature = (steps_per_rad, *, zero_steps=None, sign=None, min_steps=None, max_steps=None),
+        text_signature = "(steps_per_rad, *, zero_steps=0.0, sign=1.0, min_steps=None, max_steps=None)"
+    )]
     fn encoder(
-        steps_per_rad: f64,
-        zero_steps: f64,
-        sign: f64,
-        min_steps: Option<f64>,
-        max_steps: Option<f64>,
+        steps_per_rad: &Bound<'_, PyAny>,
+        zero_steps: Maybe<'_, '_>,
+        sign: Maybe<'_, '_>,
+        min_steps: Maybe<'_, '_>,
+        max_steps: Maybe<'_, '_>,
     ) -> PyResult<Self> {
         guarded(|| {
-            let drive = EncoderDrive::new(steps_per_rad, zero_steps, sign)?;
-            Ok(Self(Drive::Encoder(match ends((min_steps, max_steps)) {
+            let drive = EncoderDrive::new(
+                number(steps_per_rad, "steps_per_rad")?,
+                number_or(zero_steps, "zero_steps", 0.0)?,
+                number_or(sign, "sign", 1.0)?,
+            )?;
+            Ok(Self(Drive::Encoder(match ends((min_steps, max_steps))? {
                 Some((min_steps, max_steps)) => drive.with_range(min_steps, max_steps)?,
                 None => drive,
             })))
@@ -107,25 +124,28 @@ impl PyDrive {
     /// min_steps, max_steps : float, optional
     ///     Ends of the mechanism.
     #[staticmethod]
-    #[pyo3(signature = (arm_a_m, arm_b_m, bracket_rad, zero_length_m, *, steps_per_m=1.0, sign=1.0, min_steps=None, max_steps=None))]
+    #[pyo3(
+        signature = (arm_a_m, arm_b_m, bracket_rad, zero_length_m, *, steps_per_m=None, sign=None, min_steps=None, max_steps=None),
+        text_signature = "(arm_a_m, arm_b_m, bracket_rad, zero_length_m, *, steps_per_m=1.0, sign=1.0, min_steps=None, max_steps=None)"
+    )]
     fn screw(
-        arm_a_m: f64,
-        arm_b_m: f64,
-        bracket_rad: f64,
-        zero_length_m: f64,
-        steps_per_m: f64,
-        sign: f64,
-        min_steps: Option<f64>,
-        max_steps: Option<f64>,
+        arm_a_m: &Bound<'_, PyAny>,
+        arm_b_m: &Bound<'_, PyAny>,
+        bracket_rad: &Bound<'_, PyAny>,
+        zero_length_m: &Bound<'_, PyAny>,
+        steps_per_m: Maybe<'_, '_>,
+        sign: Maybe<'_, '_>,
+        min_steps: Maybe<'_, '_>,
+        max_steps: Maybe<'_, '_>,
     ) -> PyResult<Self> {
         guarded(|| {
             let screw = ScrewGeometry {
-                arm_a_m,
-                arm_b_m,
-                bracket_rad,
-                zero_length_m,
-                steps_per_m,
-                sign,
+                arm_a_m: number(arm_a_m, "arm_a_m")?,
+                arm_b_m: number(arm_b_m, "arm_b_m")?,
+                bracket_rad: number(bracket_rad, "bracket_rad")?,
+                zero_length_m: number(zero_length_m, "zero_length_m")?,
+                steps_per_m: number_or(steps_per_m, "steps_per_m", 1.0)?,
+                sign: number_or(sign, "sign", 1.0)?,
             };
             triangle(TriangleDrive::from_screw(screw)?, (min_steps, max_steps))
         })
@@ -150,27 +170,33 @@ impl PyDrive {
     /// min_steps, max_steps : float, optional
     ///     Ends of the mechanism.
     #[staticmethod]
-    #[pyo3(signature = (offset_m, pivot_radius_m, initial_stroke_length_m, initial_angle_rad, steps_per_m, *, clockwise=false, sign=1.0, min_steps=None, max_steps=None))]
+    #[pyo3(
+        signature = (offset_m, pivot_radius_m, initial_stroke_length_m, initial_angle_rad, steps_per_m, *, clockwise=None, sign=None, min_steps=None, max_steps=None),
+        text_signature = "(offset_m, pivot_radius_m, initial_stroke_length_m, initial_angle_rad, steps_per_m, *, clockwise=False, sign=1.0, min_steps=None, max_steps=None)"
+    )]
     fn triangle(
-        offset_m: f64,
-        pivot_radius_m: f64,
-        initial_stroke_length_m: f64,
-        initial_angle_rad: f64,
-        steps_per_m: f64,
-        clockwise: bool,
-        sign: f64,
-        min_steps: Option<f64>,
-        max_steps: Option<f64>,
+        offset_m: &Bound<'_, PyAny>,
+        pivot_radius_m: &Bound<'_, PyAny>,
+        initial_stroke_length_m: &Bound<'_, PyAny>,
+        initial_angle_rad: &Bound<'_, PyAny>,
+        steps_per_m: &Bound<'_, PyAny>,
+        clockwise: Maybe<'_, '_>,
+        sign: Maybe<'_, '_>,
+        min_steps: Maybe<'_, '_>,
+        max_steps: Maybe<'_, '_>,
     ) -> PyResult<Self> {
         guarded(|| {
             let geometry = TriangleGeometry {
-                offset_m,
-                pivot_radius_m,
-                initial_stroke_length_m,
-                initial_angle_rad,
-                steps_per_m,
-                clockwise,
-                sign,
+                offset_m: number(offset_m, "offset_m")?,
+                pivot_radius_m: number(pivot_radius_m, "pivot_radius_m")?,
+                initial_stroke_length_m: number(
+                    initial_stroke_length_m,
+                    "initial_stroke_length_m",
+                )?,
+                initial_angle_rad: number(initial_angle_rad, "initial_angle_rad")?,
+                steps_per_m: number(steps_per_m, "steps_per_m")?,
+                clockwise: clockwise.map_or(Ok(false), |given| flag(given, "clockwise"))?,
+                sign: number_or(sign, "sign", 1.0)?,
             };
             triangle(TriangleDrive::new(geometry)?, (min_steps, max_steps))
         })

@@ -13,6 +13,7 @@ use pyo3::types::{PyDict, PyList, PyTuple};
 use crate::array::{Numbers, owned, shape_text, wrong_shape};
 use crate::drive::PyDrive;
 use crate::failure::Failure;
+use crate::given;
 use crate::guard::guarded;
 use crate::sun::Clock;
 use crate::table::of_columns;
@@ -171,8 +172,10 @@ impl PyField {
     /// FileError
     ///     With `path`, `line`, `column`, `row`, `id` and `field` as far as they are known.
     #[staticmethod]
-    fn from_toml(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+    fn from_toml(path: &Bound<'_, PyAny>) -> PyResult<Self> {
         guarded(|| {
+            let py = path.py();
+            let path = given::path(path, "path")?;
             let inner = py.detach(|| Inner::load(&path))?;
             Ok(Self {
                 inner,
@@ -198,8 +201,11 @@ impl PyField {
     }
 
     /// Row of a heliostat by name, counted from 0; None if there is none of that name.
-    fn row_of(&self, id: &str) -> Option<usize> {
-        self.inner.field().row_of(id)
+    fn row_of(&self, id: &Bound<'_, PyAny>) -> PyResult<Option<usize>> {
+        guarded(|| {
+            let id = given::text(id, "id")?;
+            Ok(self.inner.field().row_of(&id))
+        })
     }
 
     /// How the heliostats track: the word of the files.

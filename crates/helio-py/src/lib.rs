@@ -21,6 +21,7 @@ mod failure;
 mod field;
 mod flux;
 mod forward;
+mod given;
 mod guard;
 mod pool;
 mod predict;

@@ -1,7 +1,5 @@
 //! `simulate_field` and `simulate_observations`: the typed calls are in `helio_py._simulate`.
 
-use std::path::PathBuf;
-
 use helio_calib::simulate::{Aiming, ErrorSpread, Jump, SimulateOptions};
 use helio_core::angle::radians;
 use helio_core::layout::Measures;
@@ -15,6 +13,7 @@ use pyo3::types::PyDict;
 use crate::array::owned;
 use crate::failure::Failure;
 use crate::field::PyField;
+use crate::given;
 use crate::guard::guarded;
 use crate::pool;
 use crate::watch::watched;
@@ -241,8 +240,10 @@ impl PyCampaign {
     }
 
     /// Writes the observations, or the true errors as a calibration table.
-    fn write(&self, py: Python<'_>, path: PathBuf, truth: bool) -> PyResult<()> {
+    fn write(&self, path: &Bound<'_, PyAny>, truth: bool) -> PyResult<()> {
         guarded(|| {
+            let py = path.py();
+            let path = given::path(path, "path")?;
             let Some(format) = Format::of_path(&path) else {
                 let message = format!(
                     "{}: the suffix stands for no format; wanted .csv, .parquet, .json or .jsonl",

@@ -8,6 +8,7 @@ use pyo3::sync::PyOnceLock;
 
 use crate::array::{owned_or_number, scalar};
 use crate::failure::Failure;
+use crate::given;
 use crate::guard::guarded;
 use crate::pool;
 
@@ -149,6 +150,6 @@ pub(crate) fn unix_ns<'py>(
 
 /// Nanoseconds of Unix time of a time with an offset, as files have it.
 #[pyfunction]
-pub(crate) fn _parse_time(text: &str) -> PyResult<i64> {
-    guarded(|| Ok(helio_io::parse_time(text)?))
+pub(crate) fn _parse_time(text: &Bound<'_, PyAny>) -> PyResult<i64> {
+    guarded(|| Ok(helio_io::parse_time(&given::text(text, "times")?)?))
 }

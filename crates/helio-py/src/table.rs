@@ -22,6 +22,7 @@ use pyo3::types::{PyCapsule, PyList};
 
 use crate::array::owned;
 use crate::failure::Failure;
+use crate::given;
 use crate::guard::guarded;
 
 /// A whole number or time that is not there.
@@ -195,10 +196,11 @@ fn kept(columns: &Bound<'_, PyList>) -> Result<Vec<(String, KeptCells)>, Failure
 #[pyfunction]
 pub(crate) fn _write_table(
     py: Python<'_>,
-    path: PathBuf,
+    path: &Bound<'_, PyAny>,
     columns: &Bound<'_, PyList>,
 ) -> PyResult<u64> {
     guarded(|| {
+        let path = given::path(path, "path")?;
         let columns = kept(columns)?;
         let format = Format::of_path(&path).ok_or_else(|| {
             let message = format!(

@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::cell::Cell;
+use std::f64::consts::{FRAC_PI_2, TAU};
 use std::ops::Range;
 
 use helio_calib::aiming::hour_angle_rad;
@@ -15,6 +16,7 @@ use pyo3::types::PyString;
 use crate::array::{Numbers, float, shape_text, wrong_shape};
 use crate::failure::Failure;
 use crate::field::{Inner, PyField};
+use crate::given;
 use crate::guard::guarded;
 use crate::pool;
 use crate::slab::Slab;
@@ -85,7 +87,7 @@ const ROWS_PER_LOOK: usize = 1 << 20;
 /// (array([3.14159265]), array([0], dtype=uint8))
 #[pyfunction]
 #[pyo3(
-    signature = (field, sun_azimuth_rad, sun_elevation_rad, offset=None, *, out=None, present=None, continuous=false, times=None),
+    signature = (field, sun_azimuth_rad, sun_elevation_rad, offset=None, *, out=None, present=None, continuous=None, times=None),
     text_signature = "(field, sun_azimuth_rad, sun_elevation_rad, offset='exact', *, out=None, present=None, continuous=False, times=None)"
 )]
 pub(crate) fn track<'py>(
@@ -96,7 +98,7 @@ pub(crate) fn track<'py>(
     offset: Option<&Bound<'py, PyAny>>,
     out: Option<&Bound<'py, PyAny>>,
     present: Option<&Bound<'py, PyAny>>,
-    continuous: bool,
+    continuous: Option<&Bound<'py, PyAny>>,
     times: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyTracking>> {
     guarded(|| {
@@ -108,6 +110,7 @@ pub(crate) fn track<'py>(
             Some(times) => Some(suns.times(times)?),
             None => None,
         };
+        let continuous = continuous.map_or(Ok(false), |given| given::flag(given, "continuous"))?;
         let mut job = Job {
             tracker: &tracker,
             present: match present {
@@ -214,11 +217,36 @@ impl Suns {
     }
 }
 
-fn direction(row: usize, azimuth_rad: f64, elevation_rad: f64) -> Result<EnuUnit, Failure> {
-    if azimuth_rad.is_finite() && elevation_rad.is_finite() {
+/// The sun of two angles. As on the command line, an elevation beyond a right angle is degrees by mistake, or a
+/// zenith angle of somebody's other convention; an azimuth may have been unwrapped over a day or two.
+pub(crate) fn direction(
+    row: usize,
+    azimuth_rad: f64,
+    elevation_rad: f64,
+) -> Result<EnuUnit, Failure> {
+    /// Room for angles that were computed.
+    const MORE: f64 = 1.0 + 1e-9;
+    if azimuth_rad.abs() <= 2.0 * TAU && elevation_rad.abs() <= FRAC_PI_2 * MORE {
         return Ok(EnuUnit::from_azimuth_elevation(azimuth_rad, elevation_rad));
     }
-    Err(TrackError::BadSun { row }.into())
+    Err(no_sun(row, azimuth_rad, elevation_rad))
+}
+
+#[cold]
+fn no_sun(row: usize, azimuth_rad: f64, elevation_rad: f64) -> Failure {
+    if !(azimuth_rad.is_finite() && elevation_rad.is_finite()) {
+        return TrackError::BadSun { row }.into();
+    }
+    let (what, value, wanted) = if elevation_rad.abs() <= FRAC_PI_2 {
+        ("sun_azimuth_rad", azimuth_rad, "-4π to 4π")
+    } else {
+        ("sun_elevation_rad", elevation_rad, "-π/2 to π/2")
+    };
+    let degrees = if value.is_finite() { " (degrees?)" } else { "" };
+    let message = format!("sun {row}: wanted {wanted} radians, got {value}{degrees}");
+    Failure::of("SunDirectionError", what, message)
+        .with_row(row)
+        .with_value(value)
 }
 
 fn offset_form(offset: &Bound<'_, PyAny>) -> Result<OffsetForm, Failure> {
@@ -231,7 +259,7 @@ fn offset_form(offset: &Bound<'_, PyAny>) -> Result<OffsetForm, Failure> {
             format_args!("{wanted}, got {found}"),
         ));
     };
-    let text: Cow<'_, str> = text.to_cow()?;
+    let text: Cow<'_, str> = text.to_string_lossy();
     match &*text {
         "exact" => Ok(OffsetForm::Exact),
         "approximate" => Ok(OffsetForm::Approximate),

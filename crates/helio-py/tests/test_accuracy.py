@@ -161,7 +161,10 @@ def test_it_survives_pickling(made: tuple[dict[str, Any], dict[str, Any]]) -> No
 WRONG: list[tuple[type[hp.HelioError], str, dict[str, Any]]] = [
     (hp.OptionError, "the distance of the heliostat must be above 0 m, got -1", {"slant_m": -1}),
     (hp.DataTypeError, "slant_m: expected a number, got 'far'", {"slant_m": "far"}),
-    (hp.DataTypeError, "aim_m: expected two numbers", {"aim_m": (1, 2, 3)}),
+    (hp.ShapeError, r"aim_m: expected shape \(2,\), got \(3,\)", {"aim_m": (1, 2, 3)}),
+    (hp.DataTypeError, "aim_m: expected two numbers, got float", {"aim_m": 0.1}),
+    (hp.OptionError, "slant_m: wanted a finite number, got nan", {"slant_m": float("nan")}),
+    (hp.DataTypeError, "accept: expected a sequence of str, got int", {"accept": 5}),
     (hp.OptionError, "accept: wanted cut, saturated or ambiguous, got `empty`", {"accept": "empty"}),
     (hp.OptionError, "the confidence must be 0.5 to 0.9999", {"confidence": 1.5}),
     (hp.DataTypeError, "weather: expected a table", {"weather": 3}),

@@ -209,7 +209,7 @@ WRONG: list[tuple[type[hp.HelioError], str, dict[str, Any]]] = [
     (hp.OptionError, "threshold: wanted otsu, .* got `multi:9`", {"threshold": "multi:9", "method": "standard"}),
     (hp.OptionError, "expected: it is for the method robust", {"expected": (0, 0), "method": "standard"}),
     (hp.OptionError, "expected: wanted u_m, v_m", {"expected": (0, 0, -1)}),
-    (hp.OptionError, "white: wanted a gray value", {"white": 0}),
+    (hp.OptionError, "white: wanted 1 to 65535, got 0", {"white": 0}),
     (hp.DataTypeError, "method: expected str", {"method": 3}),
 ]  # fmt: skip
 

@@ -149,12 +149,13 @@ impl SimulatedObservations {
         let all: Vec<Result<Option<Vec<Observation>>, SimulateError>> = rows
             .par_iter()
             .map(|&row| {
-                let seen = campaign.of(row);
-                if watch(1, rows.len() as u64) {
-                    seen
-                } else {
-                    Err(SimulateError::Stopped)
+                // Asked before, so that those still to come end at once.
+                if !watch(0, rows.len() as u64) {
+                    return Err(SimulateError::Stopped);
                 }
+                let seen = campaign.of(row);
+                watch(1, rows.len() as u64);
+                seen
             })
             .collect();
         let all: Vec<Option<Vec<Observation>>> = all.into_iter().collect::<Result<_, _>>()?;

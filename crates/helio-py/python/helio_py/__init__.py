@@ -62,15 +62,25 @@ from helio_py._sun import SunPosition
 
 # Records of others: read by modules that nothing else needs, imported where they are first asked for.
 if _TYPE_CHECKING:
+    from helio_py import plot as plot
     from helio_py._paint import Paint, convert_paint
 
 
-def __getattr__(name: str) -> object:
-    if name in ("Paint", "convert_paint"):
-        from helio_py import _paint
+if not _TYPE_CHECKING:  # a type checker is to know of names that are none
 
-        return getattr(_paint, name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    def __getattr__(name: str) -> object:
+        if name in ("Paint", "convert_paint"):
+            from helio_py import _paint
+
+            return getattr(_paint, name)
+        if name == "plot":
+            import importlib
+
+            return importlib.import_module("helio_py.plot")
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+    def __dir__() -> list[str]:
+        return sorted({*globals(), *__all__, "plot"})
 
 
 if not _optimised:

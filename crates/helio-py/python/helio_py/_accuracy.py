@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from helio_py._errors import DataTypeError, OptionError
+from helio_py._checked import number, pair, texts
+from helio_py._checked import path as checked_path
 from helio_py._native import _accuracy, _write_table
 from helio_py._tables import checked_kind, given_back
 from helio_py._toml import path_and_text
@@ -138,13 +139,14 @@ class Accuracy:
         """Writes the page (.html), everything (.json), or the table of frames (.csv, .parquet, .jsonl)."""
         from pathlib import Path  # not at import, as json
 
-        suffix = Path(path).suffix.lower()
+        to = Path(checked_path("path", path))
+        suffix = to.suffix.lower()
         if suffix in (".html", ".htm"):
-            Path(path).write_text(self.to_html(), encoding="utf-8")
+            to.write_text(self.to_html(), encoding="utf-8")
         elif suffix == ".json":
-            Path(path).write_text(self._json + "\n", encoding="utf-8")
+            to.write_text(self._json + "\n", encoding="utf-8")
         else:
-            _write_table(path, self._frames)
+            _write_table(to, self._frames)
 
 
 def _parsed(text: str) -> dict[str, Any]:
@@ -152,24 +154,6 @@ def _parsed(text: str) -> dict[str, Any]:
 
     found: dict[str, Any] = json.loads(text)
     return found
-
-
-def _number(value: Any, what: str) -> float:
-    try:
-        return float(value)
-    except (TypeError, ValueError):
-        error = DataTypeError(f"{what}: expected a number, got {value!r}")
-        error.field = what
-        raise error from None
-
-
-def _two(value: Any, what: str) -> list[float]:
-    numbers = [] if isinstance(value, str) or not isinstance(value, Iterable) else [_number(v, what) for v in value]
-    if len(numbers) != 2:
-        error = DataTypeError(f"{what}: expected two numbers, got {value!r}")
-        error.field = what
-        raise error
-    return numbers
 
 
 def accuracy(
@@ -245,21 +229,17 @@ def accuracy(
     >>> report.verdict, round(report.accuracy.mrad, 6), round(report.bias.mrad, 6)
     ('not enough data', 1.0, 0.0)
     """
-    words = [accept] if isinstance(accept, str) else list(accept)
-    if not all(isinstance(word, str) for word in words):
-        error = OptionError(f"accept: wanted cut, saturated or ambiguous, got {accept!r}")
-        error.field = "accept"
-        raise error
+    words = texts("accept", [accept] if isinstance(accept, str) else accept)
     asked = {
-        "slant_m": _number(slant_m, "slant_m"),
-        "aim_m": _two(aim_m, "aim_m"),
-        "heliostat_at_deg": None if heliostat_at_deg is None else _two(heliostat_at_deg, "heliostat_at_deg"),
+        "slant_m": number("slant_m", slant_m),
+        "aim_m": list(pair("aim_m", aim_m)),
+        "heliostat_at_deg": None if heliostat_at_deg is None else list(pair("heliostat_at_deg", heliostat_at_deg)),
         "limits": None if limits is None else path_and_text(limits, "limits", "limits.toml"),
         "campaign": None if campaign is None else path_and_text(campaign, "campaign", "campaign.toml"),
-        "bin_half_width_m_s": _number(bin_half_width_m_s, "bin_half_width_m_s"),
-        "histogram_step_m_s": _number(histogram_step_m_s, "histogram_step_m_s"),
-        "confidence": _number(confidence, "confidence"),
-        "weather_gap_s": _number(weather_gap_s, "weather_gap_s"),
+        "bin_half_width_m_s": number("bin_half_width_m_s", bin_half_width_m_s),
+        "histogram_step_m_s": number("histogram_step_m_s", histogram_step_m_s),
+        "confidence": number("confidence", confidence),
+        "weather_gap_s": number("weather_gap_s", weather_gap_s),
         "accept": words,
     }
     return Accuracy(_accuracy(spots, weather, asked))

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from helio_py._errors import DataTypeError, OptionError
+from helio_py._checked import flag, number, of, pair, several, text, texts, whole, wrong_type, wrong_value
+from helio_py._errors import ShapeError
 from helio_py._native import Field, _simulate_field, _simulate_observations
 from helio_py._progress import reporter
 
@@ -64,15 +65,15 @@ def simulate_field(
     >>> hp.Field(pivots, [0, 0, 126], ids=layout["id"])
     <Field of 1000 heliostats, azimuth-elevation>
     """
-    count = _whole("heliostats", heliostats, 1, 100_000_000)
+    count = whole("heliostats", heliostats, 1, 100_000_000)
     measures = {
         "tower_height_m": tower_height_m,
         "mirror_width_m": mirror_width_m,
         "mirror_height_m": mirror_height_m,
         "pivot_height_m": pivot_height_m,
     }
-    numbers = [_number(name, value, 0.01, 10_000.0, "metres") for name, value in measures.items()]
-    return _simulate_field(count, layout, *numbers)
+    numbers = [number(name, value, 0.01, 10_000.0, "metres") for name, value in measures.items()]
+    return _simulate_field(count, text("layout", layout), *numbers)
 
 
 def simulate_observations(
@@ -148,32 +149,31 @@ def simulate_observations(
     OptionError, MissingError, DataTypeError, TimeError
     """
     if not isinstance(field, Field):
-        error = DataTypeError(f"field: expected a Field, got {type(field).__name__}")
-        error.field = "field"
-        raise error
+        raise wrong_type("field", "a Field", field)
     if heliostats is not None and ids is not None:
-        raise _option("ids", "it stands beside heliostats; wanted one")
-    if not 0.0 <= hours[0] < hours[1] <= 24.0:
-        raise _option("hours", f"wanted two hours of the day, the first one earlier, got {tuple(hours)}")
+        raise wrong_value("ids", "it stands beside heliostats; wanted one")
+    from_h, to_h = pair("hours", hours)
+    if not 0.0 <= from_h < to_h <= 24.0:
+        raise wrong_value("hours", f"wanted two hours of the day, the first one earlier, got {(from_h, to_h)}")
     asked = {
-        "heliostats": None if heliostats is None else _whole("heliostats", heliostats, 1, 2**32),
-        "ids": None if ids is None else list(ids),
-        "targets": None if targets is None else list(targets),
-        "count": _whole("count", count, 1, 1_000_000),
-        "seed": _whole("seed", seed, 0, 2**64 - 1),
+        "heliostats": None if heliostats is None else whole("heliostats", heliostats, 1, 2**32),
+        "ids": None if ids is None else texts("ids", ids),
+        "targets": None if targets is None else texts("targets", targets),
+        "count": whole("count", count, 1, 1_000_000),
+        "seed": whole("seed", seed, 0, 2**64 - 1),
         "from_unix_ns": _instant("from_time", from_time),
         "to_unix_ns": _instant("to_time", to_time),
-        "days": None if days is None else _whole("days", days, 1, 100_000),
-        "hours": [float(hours[0]), float(hours[1])],
-        "min_sun_elevation_deg": _number("min_sun_elevation_deg", min_sun_elevation_deg, 0.0, 90.0, "degrees"),
-        "noise_mrad": _number("noise_mrad", noise_mrad, 0.0, 1e6, "milliradians"),
-        "outliers": _number("outliers", outliers, 0.0, 1.0, ""),
-        "outlier_mrad": _number("outlier_mrad", outlier_mrad, 0.0, 1e6, "milliradians"),
-        "wrong_heliostat": _number("wrong_heliostat", wrong_heliostat, 0.0, 1.0, ""),
-        "wrong_target": _number("wrong_target", wrong_target, 0.0, 1.0, ""),
-        "jumps": [(_instant("jumps", at), float(one), float(two)) for at, one, two in jumps],
-        "random_errors": bool(random_errors),
-        "steps": bool(steps),
+        "days": None if days is None else whole("days", days, 1, 100_000),
+        "hours": [from_h, to_h],
+        "min_sun_elevation_deg": number("min_sun_elevation_deg", min_sun_elevation_deg, 0.0, 90.0, "degrees"),
+        "noise_mrad": number("noise_mrad", noise_mrad, 0.0, 1e6, "milliradians"),
+        "outliers": number("outliers", outliers, 0.0, 1.0, ""),
+        "outlier_mrad": number("outlier_mrad", outlier_mrad, 0.0, 1e6, "milliradians"),
+        "wrong_heliostat": number("wrong_heliostat", wrong_heliostat, 0.0, 1.0, ""),
+        "wrong_target": number("wrong_target", wrong_target, 0.0, 1.0, ""),
+        "jumps": [_jump(jump) for jump in several("jumps", jumps, "a sequence of (time, mrad, mrad)")],
+        "random_errors": flag("random_errors", random_errors),
+        "steps": flag("steps", steps),
     }
     with reporter(progress, " heliostats") as report:
         return SimulatedObservations(_simulate_observations(field, asked, report))
@@ -218,36 +218,17 @@ class SimulatedObservations:
         return f"<{len(self)} simulated observations>"
 
 
-def _option(name: str, message: str) -> OptionError:
-    error = OptionError(f"{name}: {message}")
-    error.field = name
-    return error
-
-
-def _whole(name: str, value: Any, least: int, most: int) -> int:
-    if not isinstance(value, (int, np.integer)) or isinstance(value, bool):
-        error = DataTypeError(f"{name}: expected a whole number, got {type(value).__name__}")
-        error.field = name
-        raise error
-    if not least <= int(value) <= most:
-        raise _option(name, f"wanted {least} to {most}, got {value}")
-    return int(value)
-
-
-def _number(name: str, value: Any, least: float, most: float, unit: str) -> float:
-    if not isinstance(value, (int, float, np.integer, np.floating)) or isinstance(value, bool):
-        error = DataTypeError(f"{name}: expected a number, got {type(value).__name__}")
-        error.field = name
-        raise error
-    if not least <= float(value) <= most:
-        raise _option(name, f"wanted {least:g} to {most:g} {unit}".rstrip() + f", got {value}")
-    return float(value)
-
-
 def _instant(name: str, time: Any) -> int:
     from helio_py._times import unix_ns  # which imports more than a package should by itself
 
     at: NDArray[np.int64] = unix_ns(time)
     if at.ndim:
-        raise _option(name, f"wanted one instant, got an array of shape {at.shape}")
+        raise wrong_value(name, f"wanted one instant, got an array of shape {at.shape}")
     return int(at)
+
+
+def _jump(jump: Any) -> tuple[int, float, float]:
+    parts = several("jumps", jump, "(time, mrad, mrad)")
+    if len(parts) != 3:
+        raise of(ShapeError(f"jumps: expected (time, mrad, mrad), got {len(parts)} parts"), "jumps")
+    return _instant("jumps", parts[0]), number("jumps", parts[1]), number("jumps", parts[2])

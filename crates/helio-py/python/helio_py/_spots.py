@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from helio_py._errors import DataTypeError, OptionError, ShapeError
+from helio_py._checked import array as checked_array
+from helio_py._checked import number, path, several, text, texts, whole, wrong_value
+from helio_py._errors import DataTypeError, ShapeError
 from helio_py._native import _find_spots, _frame_files, _write_table
 from helio_py._progress import reporter
 from helio_py._tables import ABSENT, Column, checked_kind, given_back
@@ -183,7 +185,7 @@ class Spots:
 
 def _picture(image: Any, what: str) -> NDArray[Any]:
     """Gray values or colours of 8 or 16 bit, contiguous and in the machine's order of bytes."""
-    array = np.asarray(image)
+    array = checked_array(what, image)
     if array.dtype.kind != "u" or array.dtype.itemsize > 2:
         error = DataTypeError(f"{what}: expected gray values of uint8 or uint16, got dtype {array.dtype}")
         error.field = what
@@ -208,14 +210,14 @@ def _frames(images: Any) -> tuple[list[Any], list[str]]:
         error = DataTypeError(f"images: expected paths or arrays, got {type(images).__name__}")
         error.field = "images"
         raise error
-    frames = list(images)
+    frames = several("images", images, "paths or arrays")
     if frames and all(isinstance(frame, (str, os.PathLike)) for frame in frames):
-        found = _frame_files(frames)
+        found = _frame_files([path("images", frame) for frame in frames])
         return found, [os.fspath(path) for path in found]
     names = []
     for k, frame in enumerate(frames):
         if isinstance(frame, (str, os.PathLike)):
-            names.append(os.fspath(frame))
+            names.append(path("images", frame))
         else:
             frames[k] = _picture(frame, f"images: frame {k}")
             names.append(f"frame {k}")
@@ -225,35 +227,21 @@ def _frames(images: Any) -> tuple[list[Any], list[str]]:
 def _expected(expected: Any) -> tuple[float, float, float | None] | None:
     if expected is None:
         return None
-    try:
-        numbers = [float(number) for number in expected]
-    except (TypeError, ValueError):
-        numbers = []
-    if len(numbers) not in (2, 3) or not np.isfinite(numbers).all() or (len(numbers) == 3 and numbers[2] <= 0):
-        error = OptionError(f"expected: wanted u_m, v_m and perhaps a sigma_m above 0, got {expected!r}")
-        error.field = "expected"
-        raise error
+    numbers = [number("expected", one) for one in several("expected", expected, "u_m, v_m and perhaps sigma_m")]
+    if len(numbers) not in (2, 3) or (len(numbers) == 3 and numbers[2] <= 0):
+        raise wrong_value("expected", f"wanted u_m, v_m and perhaps a sigma_m above 0, got {numbers}")
     return numbers[0], numbers[1], numbers[2] if len(numbers) == 3 else None
 
 
 def _asked(target: Any, method: str, threshold: str | None, expected: Any, white: int | None) -> dict[str, Any]:
-    path, text = path_and_text(target, "target", "target.toml")
-    for name, word in (("method", method), ("threshold", threshold)):
-        if not (isinstance(word, str) or (name == "threshold" and word is None)):
-            error = DataTypeError(f"{name}: expected str, got {type(word).__name__}")
-            error.field = name
-            raise error
-    if white is not None and not (isinstance(white, (int, np.integer)) and 1 <= white <= 65_535):
-        wrong = OptionError(f"white: wanted a gray value in 1..=65535, got {white!r}")
-        wrong.field = "white"
-        raise wrong
+    file, toml = path_and_text(target, "target", "target.toml")
     return {
-        "path": path,
-        "text": text,
-        "method": method,
-        "threshold": threshold,
+        "path": file,
+        "text": toml,
+        "method": text("method", method),
+        "threshold": None if threshold is None else text("threshold", threshold),
         "expected": _expected(expected),
-        "white": None if white is None else int(white),
+        "white": None if white is None else whole("white", white, 1, 65_535),
     }
 
 
@@ -311,7 +299,8 @@ def find_spot(
     """
     asked = _asked(target, method, threshold, expected, white)
     if isinstance(image, (str, os.PathLike)):
-        return Spots(_find_spots([os.fspath(image)], [os.fspath(image)], None, asked, None))[0]
+        file = path("image", image)
+        return Spots(_find_spots([file], [file], None, asked, None))[0]
     return Spots(_find_spots([_picture(image, "image")], ["frame 0"], None, asked, None))[0]
 
 
@@ -373,7 +362,7 @@ def find_spots(
     asked = _asked(target, method, threshold, expected, white)
     frames, called = _frames(images)
     if names is not None:
-        called = [str(name) for name in names]
+        called = texts("names", names)
         if len(called) != len(frames):
             raise ShapeError(f"names: expected shape ({len(frames)},), got ({len(called)},)")
     taken = None

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from helio_py._errors import DataTypeError, OptionError
+from helio_py._checked import array, of, wrong_value
+from helio_py._errors import DataTypeError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -49,9 +50,9 @@ def status_words(status: ArrayLike) -> NDArray[np.str_]:
     >>> hp.status_words([0, 3]).tolist()
     ['ok', 'sun_below_horizon']
     """
-    codes = np.asarray(status)
+    codes = array("status", status)
     if codes.dtype.kind not in "iu":
-        raise DataTypeError(f"status: expected whole numbers, got dtype {codes.dtype}")
+        raise of(DataTypeError(f"status: expected whole numbers, got dtype {codes.dtype}"), "status")
     if codes.size and not (codes.min() >= 0 and codes.max() < len(_WORDS)):
-        raise OptionError(f"status: numbers are 0 to {len(_WORDS) - 1}, got {codes.min()} to {codes.max()}")
+        raise wrong_value("status", f"numbers are 0 to {len(_WORDS) - 1}, got {codes.min()} to {codes.max()}")
     return np.asarray(_WORDS[codes])

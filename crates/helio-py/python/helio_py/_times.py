@@ -34,6 +34,8 @@ def unix_ns(times: Any) -> NDArray[np.int64]:
     no time at all.
     """
     package = type(times).__module__.partition(".")[0]
+    if isinstance(times, np.ma.MaskedArray):
+        raise _no_time("a masked array, whose mask would be lost")
     if isinstance(times, (np.ndarray, np.datetime64)):
         return _of_numpy(np.asarray(times))
     if isinstance(times, dt.datetime):  # pandas' Timestamp too

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from helio_py._checked import path
 from helio_py._errors import DataTypeError
 
 
@@ -16,7 +17,7 @@ def path_and_text(value: Any, what: str, of: str) -> tuple[str, str | None]:
     if isinstance(value, Mapping):
         return what, toml_text(value, what)
     if isinstance(value, (str, os.PathLike)):
-        return os.fspath(value), None
+        return path(what, value), None
     found = "nothing" if value is None else type(value).__name__
     raise wrong(what, f"expected the path of a {of} or a mapping of its keys, got {found}")
 

@@ -118,7 +118,7 @@ pub(super) fn mode(
     let word = match word {
         None => "azimuth-elevation".into(),
         Some(word) => match word.cast::<PyString>() {
-            Ok(text) => text.to_cow()?.into_owned(),
+            Ok(text) => text.to_string_lossy().into_owned(),
             Err(_) => {
                 let found = word.get_type();
                 return Err(Failure::of(
