@@ -71,11 +71,11 @@ impl Failure {
         self.with("field", Attribute::Text(field.to_string()))
     }
 
-    fn with_row(self, row: usize) -> Self {
+    pub(crate) fn with_row(self, row: usize) -> Self {
         self.with("row", Attribute::Whole(row))
     }
 
-    fn with_value(self, value: f64) -> Self {
+    pub(crate) fn with_value(self, value: f64) -> Self {
         self.with("value", Attribute::Number(value))
     }
 }

@@ -31,6 +31,9 @@ const SHARED_ROWS: usize = 48 * 1024;
 /// instructions and with the most iterations of an offset well below a second.
 const ROWS_PER_LOOK: usize = 1 << 20;
 
+/// The zenith, and what rounding adds to it.
+const HIGHEST_RAD: f64 = std::f64::consts::FRAC_PI_2 + 1e-9;
+
 /// Axis angles of every heliostat of a field, for one sun or many.
 ///
 /// Shading and blocking are not computed.
@@ -40,8 +43,8 @@ const ROWS_PER_LOOK: usize = 1 << 20;
 /// field : Field
 ///     The heliostats, n of them.
 /// sun_azimuth_rad, sun_elevation_rad : float or array of shape (m,)
-///     Where the sun is seen [rad]: azimuth clockwise from north, apparent elevation above the horizon.
-///     `sun_position` gives both.
+///     Where the sun is seen [rad]: azimuth clockwise from north, apparent elevation above the horizon, at most
+///     ±π/2. `sun_position` gives both.
 /// offset : str, default "exact"
 ///     How the mirror's offset from the pivot is taken into account: "exact" (Guo 2015 eq. 9 to the last
 ///     digit), "approximate" (eq. 15), "iterated:N" (Shen 2016, N from 1 to 64) or "none".
@@ -214,11 +217,29 @@ impl Suns {
     }
 }
 
-fn direction(row: usize, azimuth_rad: f64, elevation_rad: f64) -> Result<EnuUnit, Failure> {
-    if azimuth_rad.is_finite() && elevation_rad.is_finite() {
+/// Where a sun is seen. An elevation beyond the zenith is refused: it is one in degrees.
+#[inline]
+pub(crate) fn direction(
+    row: usize,
+    azimuth_rad: f64,
+    elevation_rad: f64,
+) -> Result<EnuUnit, Failure> {
+    if azimuth_rad.is_finite() && elevation_rad.abs() <= HIGHEST_RAD {
         return Ok(EnuUnit::from_azimuth_elevation(azimuth_rad, elevation_rad));
     }
-    Err(TrackError::BadSun { row }.into())
+    Err(no_direction(row, azimuth_rad, elevation_rad))
+}
+
+#[cold]
+fn no_direction(row: usize, azimuth_rad: f64, elevation_rad: f64) -> Failure {
+    if !(azimuth_rad.is_finite() && elevation_rad.is_finite()) {
+        return TrackError::BadSun { row }.into();
+    }
+    let wanted = "must be within ±π/2 rad (±90°)";
+    let message = format_args!("sun {row} (counted from 0) {wanted}, got {elevation_rad}");
+    Failure::of("SunDirectionError", "sun_elevation_rad", message)
+        .with_row(row)
+        .with_value(elevation_rad)
 }
 
 fn offset_form(offset: &Bound<'_, PyAny>) -> Result<OffsetForm, Failure> {

@@ -47,6 +47,11 @@ def drawn(ax: Axes) -> Axes:
     return ax
 
 
+def test_a_map_of_no_field_is_refused_by_name() -> None:
+    with pytest.raises(hp.DataTypeError, match=r"^field: expected real numbers, got str"):
+        plot.field_map("examples/field.toml")
+
+
 def test_matplotlib_is_imported_only_here() -> None:
     code = "import sys, helio_py; assert 'matplotlib' not in sys.modules; import helio_py.plot; assert 'matplotlib' in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -11,6 +11,7 @@ use super::scene::SceneAsked;
 use crate::failure::Failure;
 use crate::field::{Inner, PyField};
 use crate::guard::guarded;
+use crate::track::direction;
 use crate::watch::watched;
 
 /// The flux of a field under one sun.
@@ -26,10 +27,7 @@ pub(crate) fn _flux_field(
 ) -> PyResult<PyFlux> {
     guarded(|| {
         let field = PyField::of(field)?.clone().unbind();
-        if !(sun_azimuth_rad.is_finite() && sun_elevation_rad.is_finite()) {
-            return Err(helio_core::error::TrackError::BadSun { row: 0 }.into());
-        }
-        let sun = EnuUnit::from_azimuth_elevation(sun_azimuth_rad, sun_elevation_rad);
+        let sun = direction(0, sun_azimuth_rad, sun_elevation_rad)?;
         watched(py, progress.as_ref(), |watch| {
             let inner = field.get().inner();
             let scene = scene.read(inner.loaded().map_or(SceneOf::Heliostats, SceneOf::Field))?;
