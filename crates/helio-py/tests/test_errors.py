@@ -97,7 +97,7 @@ CALLS: list[tuple[type[hp.HelioError], str, dict[str, Any], Callable[[], Any]]] 
         hp.DataTypeError,
         "sun_azimuth_rad: expected real numbers, got list of text",
         {"field": "sun_azimuth_rad"},
-        lambda: hp.track(field(), ["3.0", "3.1"], [0.8, 0.8]),  # type: ignore[list-item]
+        lambda: hp.track(field(), ["3.0", "3.1"], [0.8, 0.8]),
     ),
     (
         hp.AngleError,
