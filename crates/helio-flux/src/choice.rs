@@ -17,7 +17,7 @@ const PILOT: [u64; 2] = [16, 1 << 17];
 /// A pilot with so many rays in the peak's bin, and this part of those wanted, tells how many are wanted; another is
 /// repeated with so many times as many.
 const COUNTED: f64 = 100.0;
-/// Many small mirrors that share a set of rays scatter together: the peak of a pilot is too high by more than chance.
+/// What a pilot's peak may be above the truth by chance beyond what is expected: rays too few are traced twice.
 const SPARE: f64 = 1.25;
 const MORE: u64 = 8;
 

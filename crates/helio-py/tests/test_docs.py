@@ -48,12 +48,13 @@ def test_examples_run(name: str, root: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert not failed, "".join(said)
 
 
-def test_the_readme_s_examples_run(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("page", ["README.md", "crates/helio-py/README.md"])
+def test_the_readmes_examples_run(page: str, root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(root)
-    blocks = re.findall(r"```python\n(.*?)```", (root / "crates/helio-py/README.md").read_text(), re.DOTALL)
+    blocks = re.findall(r"```python\n(.*?)```", (root / page).read_text(), re.DOTALL)
     assert blocks
     for block in blocks:
-        exec(compile(block, "README.md", "exec"), {})
+        exec(compile(block, page, "exec"), {})
 
 
 def blocks_of(page: str, kind: str) -> list[str]:

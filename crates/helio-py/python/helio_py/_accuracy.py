@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from helio_py._errors import DataTypeError, OptionError
@@ -46,7 +44,7 @@ class Accuracy:
         self._judged = judged
         self._html: str | None = None
         self._json: str = judged.json()
-        self._found: dict[str, Any] = json.loads(self._json)
+        self._found: dict[str, Any] = _parsed(self._json)
         self._frames = judged.frames()
         self._warnings: list[str] = self._found["warnings"]
         differ = judged.methods_differ()
@@ -119,7 +117,7 @@ class Accuracy:
 
     def to_dict(self) -> dict[str, Any]:
         """Everything, as ``helio-rs accuracy --out`` writes it."""
-        return json.loads(self._json)
+        return _parsed(self._json)
 
     def to_table(self, kind: str = "dict") -> Any:
         """Every frame with its error [mrad], wind and status, as "dict" (of arrays), "pandas", "polars" or "pyarrow"."""
@@ -138,6 +136,8 @@ class Accuracy:
 
     def write(self, path: str | PathLike[str]) -> None:
         """Writes the page (.html), everything (.json), or the table of frames (.csv, .parquet, .jsonl)."""
+        from pathlib import Path  # not at import, as json
+
         suffix = Path(path).suffix.lower()
         if suffix in (".html", ".htm"):
             Path(path).write_text(self.to_html(), encoding="utf-8")
@@ -145,6 +145,13 @@ class Accuracy:
             Path(path).write_text(self._json + "\n", encoding="utf-8")
         else:
             _write_table(path, self._frames)
+
+
+def _parsed(text: str) -> dict[str, Any]:
+    import json  # not at import, which is to be quick
+
+    found: dict[str, Any] = json.loads(text)
+    return found
 
 
 def _number(value: Any, what: str) -> float:
