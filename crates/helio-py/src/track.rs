@@ -33,6 +33,9 @@ const SHARED_ROWS: usize = 48 * 1024;
 /// instructions and with the most iterations of an offset well below a second.
 const ROWS_PER_LOOK: usize = 1 << 20;
 
+/// The zenith, and what rounding adds to it.
+const HIGHEST_RAD: f64 = FRAC_PI_2 + 1e-9;
+
 /// Axis angles of every heliostat of a field, for one sun or many.
 ///
 /// Shading and blocking are not computed.
@@ -42,8 +45,8 @@ const ROWS_PER_LOOK: usize = 1 << 20;
 /// field : Field
 ///     The heliostats, n of them.
 /// sun_azimuth_rad, sun_elevation_rad : float or array of shape (m,)
-///     Where the sun is seen [rad]: azimuth clockwise from north, apparent elevation above the horizon.
-///     `sun_position` gives both.
+///     Where the sun is seen [rad]: azimuth clockwise from north, apparent elevation above the horizon, at most
+///     ±π/2. `sun_position` gives both.
 /// offset : str, default "exact"
 ///     How the mirror's offset from the pivot is taken into account: "exact" (Guo 2015 eq. 9 to the last
 ///     digit), "approximate" (eq. 15), "iterated:N" (Shen 2016, N from 1 to 64) or "none".
@@ -217,33 +220,31 @@ impl Suns {
     }
 }
 
-/// The sun of two angles. As on the command line, an elevation beyond a right angle is degrees by mistake, or a
-/// zenith angle of somebody's other convention; an azimuth may have been unwrapped over a day or two.
+/// Where a sun is seen. An elevation beyond the zenith is refused: it is one in degrees; so is an azimuth of more than two
+/// turns, which leaves room for one that was unwrapped over a day.
+#[inline]
 pub(crate) fn direction(
     row: usize,
     azimuth_rad: f64,
     elevation_rad: f64,
 ) -> Result<EnuUnit, Failure> {
-    /// Room for angles that were computed.
-    const MORE: f64 = 1.0 + 1e-9;
-    if azimuth_rad.abs() <= 2.0 * TAU && elevation_rad.abs() <= FRAC_PI_2 * MORE {
+    if azimuth_rad.abs() <= 2.0 * TAU && elevation_rad.abs() <= HIGHEST_RAD {
         return Ok(EnuUnit::from_azimuth_elevation(azimuth_rad, elevation_rad));
     }
-    Err(no_sun(row, azimuth_rad, elevation_rad))
+    Err(no_direction(row, azimuth_rad, elevation_rad))
 }
 
 #[cold]
-fn no_sun(row: usize, azimuth_rad: f64, elevation_rad: f64) -> Failure {
+fn no_direction(row: usize, azimuth_rad: f64, elevation_rad: f64) -> Failure {
     if !(azimuth_rad.is_finite() && elevation_rad.is_finite()) {
         return TrackError::BadSun { row }.into();
     }
-    let (what, value, wanted) = if elevation_rad.abs() <= FRAC_PI_2 {
-        ("sun_azimuth_rad", azimuth_rad, "-4π to 4π")
+    let (what, wanted, value) = if elevation_rad.abs() <= HIGHEST_RAD {
+        ("sun_azimuth_rad", "±4π rad (±720°)", azimuth_rad)
     } else {
-        ("sun_elevation_rad", elevation_rad, "-π/2 to π/2")
+        ("sun_elevation_rad", "±π/2 rad (±90°)", elevation_rad)
     };
-    let degrees = if value.is_finite() { " (degrees?)" } else { "" };
-    let message = format!("sun {row}: wanted {wanted} radians, got {value}{degrees}");
+    let message = format_args!("sun {row} (counted from 0) must be within {wanted}, got {value}");
     Failure::of("SunDirectionError", what, message)
         .with_row(row)
         .with_value(value)

@@ -82,6 +82,24 @@ CALLS: list[tuple[type[hp.HelioError], str, dict[str, Any], Callable[[], Any]]] 
         lambda: hp.track(field(), [1.0, np.nan], [1.0, 1.0]),
     ),
     (
+        hp.SunDirectionError,
+        "sun_elevation_rad: sun 0 (counted from 0) must be within ±π/2 rad (±90°), got 60",
+        {"row": 0, "field": "sun_elevation_rad", "value": 60.0},
+        lambda: hp.track(field(), 180.0, 60.0),
+    ),
+    (
+        hp.SunDirectionError,
+        "sun_elevation_rad: sun 1 (counted from 0) must be within ±π/2 rad (±90°), got -12",
+        {"row": 1, "field": "sun_elevation_rad", "value": -12.0},
+        lambda: hp.predict(field(), [[1.0]] * 2, [[1.0]] * 2, [3.0, 3.0], [0.8, -12]),
+    ),
+    (
+        hp.DataTypeError,
+        "sun_azimuth_rad: expected real numbers, got list of text",
+        {"field": "sun_azimuth_rad"},
+        lambda: hp.track(field(), ["3.0", "3.1"], [0.8, 0.8]),
+    ),
+    (
         hp.AngleError,
         "elevation_rad: row 2 must be finite and within ±100000 rad, got inf",
         {"row": 2, "field": "elevation_rad", "value": np.inf},

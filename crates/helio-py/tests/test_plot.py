@@ -12,6 +12,7 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+import pandas as pd
 import pytest
 from numpy.typing import NDArray
 
@@ -44,6 +45,11 @@ def drawn(ax: Axes) -> Axes:
     assert ax.figure is not None
     ax.figure.canvas.draw()
     return ax
+
+
+def test_a_map_of_no_field_is_refused_by_name() -> None:
+    with pytest.raises(hp.DataTypeError, match=r"^field: expected real numbers, got str"):
+        plot.field_map("examples/field.toml")
 
 
 def test_matplotlib_is_imported_only_here() -> None:
@@ -134,6 +140,23 @@ def test_calibration_residuals_over_numbers_times_and_records() -> None:
     assert "sun (°)" in texts(plot.calibration_residuals(residual, [10.0, 20.0, 30.0], xlabel="sun (°)"))
 
 
+@pytest.mark.parametrize("kind", ["numpy", "pandas", "list"])
+def test_a_record_without_a_time_is_not_drawn_and_counts(kind: str) -> None:
+    residual = np.array([0.5, 1.0, 2.0])
+    times: Any = np.array(["2026-01-01", "NaT", "2026-01-03"], dtype="datetime64[s]")
+    if kind == "pandas":
+        times = pd.Series(times, index=[7, 8, 9]).dt.tz_localize("UTC")
+    elif kind == "list":
+        times = ["2026-01-01T00:00:00Z", None, "2026-01-03T00:00:00Z"]
+    ax = drawn(plot.calibration_residuals(residual, times))
+    assert f"rms {np.sqrt(5.25 / 3):.2f} mrad" in texts(ax)
+    x, y = np.asarray(ax.lines[0].get_xydata()).T
+    assert np.isnan(x).tolist() == [False, True, False]
+    assert y.tolist() == residual.tolist()
+    with pytest.raises(hp.TimeError, match=r"offset|zone"):
+        plot.calibration_residuals(residual, ["2026-01-01T00:00:00", None, "2026-01-03T00:00:00"])
+
+
 def test_spot_overlay_marks_what_was_found() -> None:
     image = np.zeros((40, 60), dtype=np.uint8)
     ax = drawn(
@@ -142,6 +165,9 @@ def test_spot_overlay_marks_what_was_found() -> None:
     assert "1 spot" in texts(ax)
     np.testing.assert_array_equal(ax.lines[0].get_xydata(), [[10.0, 20.0]])
     assert ax.yaxis_inverted()
+    empty = drawn(plot.spot_overlay(image, np.nan, np.nan))
+    assert "0 spots" in texts(empty)
+    assert empty.get_legend() is None
     assert plot.spot_overlay(np.zeros((4, 4, 3)), 1.0, 2.0, sigma_px=0.5, labels=["A"]).texts[0].get_text() == "A"
 
 

@@ -140,7 +140,7 @@ def test_memory_is_flat_over_many_calls() -> None:
     def calls(count: int) -> None:
         for _ in range(count):
             hp.track(field, 3.0, 0.8, out=out)
-            tracking = hp.track(field, sun, sun - 2.5)
+            tracking = hp.track(field, sun, sun - 2.4)
             _ = tracking.azimuth_rad, tracking.status, tracking.limit_excess_rad
             hp.forward(field, azimuth, elevation)
             with pytest.raises(hp.ShapeError):

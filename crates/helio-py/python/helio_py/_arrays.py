@@ -32,6 +32,7 @@ def real_numbers(value: Any, what: str) -> NDArray[np.float64]:
     if array.dtype.kind not in "fiu" or array.dtype.itemsize > 8:
         if array.size == 0 and isinstance(value, (list, tuple)):
             return np.zeros(array.shape)
-        raise _refused(what, f"{type(value).__name__} of dtype {array.dtype}")
+        text = array.dtype.kind in "UST"
+        raise _refused(what, f"{type(value).__name__} of " + ("text" if text else f"dtype {array.dtype}"))
     # Not ascontiguousarray, which makes one number an array of one.
     return np.array(array, dtype=np.float64, order="C", copy=True, subok=False)

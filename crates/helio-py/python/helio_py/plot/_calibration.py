@@ -99,7 +99,8 @@ def calibration_residuals(
     residual_mrad : array of shape (n,)
         Angle between predicted and seen beam [mrad].
     against : array of shape (n,), optional
-        What to draw them over: times, or numbers (with `xlabel`); by default the number of the record.
+        What to draw them over: times, or numbers (with `xlabel`); by default the number of the record. A record without
+        one is not drawn, and counts in the root mean square.
     rejected : array of bool of shape (n,), optional
         Records that the calibration does not use.
     xlabel : str, optional
@@ -142,7 +143,15 @@ def _abscissa(against: Any | None, n: int) -> tuple[NDArray[Any], bool]:
         kind = "f"
     if kind in ("f", "i", "u"):
         return column_of(against, "against", n), False
-    times = unix_ns(against)
-    if times.shape != (n,):
-        raise ShapeError(f"against: expected shape ({n},), got {times.shape}")
-    return times.astype("datetime64[ns]"), True
+    # Records that state a sun need no time: None, NaN and NaT.
+    there = [row for row, time in enumerate(against) if time is not None and time == time]
+    if len(against) != n or len(there) == n:
+        times = unix_ns(against)
+        if times.shape != (n,):
+            raise ShapeError(f"against: expected shape ({n},), got {times.shape}")
+        return times.astype("datetime64[ns]"), True
+    cells = list(against)
+    moments = np.full(n, "NaT", dtype="datetime64[ns]")
+    if there:
+        moments[there] = unix_ns([cells[row] for row in there]).astype("datetime64[ns]")
+    return moments, True

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.lines import Line2D
 
+from helio_py._arrays import real_numbers
 from helio_py._errors import OptionError, ShapeError
 from helio_py._status import Status
 from helio_py._times import unix_ns
@@ -73,7 +74,7 @@ def field_map(
     >>> ax.get_xlabel(), ax.get_title()
     ('east (m)', '3 heliostats by mirror offset')
     """
-    places = np.asarray(getattr(field, "position_enu_m", field), dtype=np.float64)
+    places = real_numbers(getattr(field, "position_enu_m", field), "field")
     if places.ndim != 2 or places.shape[1] not in (2, 3):
         raise ShapeError(f"field: expected a Field or shape (n, 2) or (n, 3), got {places.shape}")
     factor = 1.0

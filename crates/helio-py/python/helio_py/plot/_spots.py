@@ -69,7 +69,8 @@ def spot_overlay(
         reference = np.atleast_2d(np.asarray(reference_px, dtype=float))
         ax.plot(reference[:, 0], reference[:, 1], "x", ms=9, mew=1.6, color="#E69F00", label="reference")
     found = np.isfinite(column) & np.isfinite(row)
-    ax.plot(column[found], row[found], "+", ms=13, mew=1.8, color="#FF3B30", label="spot")
+    if found.any():
+        ax.plot(column[found], row[found], "+", ms=13, mew=1.8, color="#FF3B30", label="spot")
     if sigma_px is not None:
         sigma = np.broadcast_to(np.asarray(sigma_px, dtype=float), column.shape)
         for at, down, size in zip(column[found], row[found], sigma[found], strict=True):
@@ -81,7 +82,8 @@ def spot_overlay(
     count = int(np.count_nonzero(found))
     words = f"{count} spot" + ("s" if count != 1 else "")
     ax.set(xlabel="column (px)", ylabel="row (px)", title=words if title is None else title)
-    ax.legend(loc="upper right", fontsize="small")
+    if ax.get_legend_handles_labels()[0]:
+        ax.legend(loc="upper right", fontsize="small")
     return ax
 
 
