@@ -18,13 +18,14 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from helio_py._checked import path as checked_path
+from helio_py._checked import several, text, wrong_type, wrong_value
 from helio_py._errors import (
     ConflictError,
     FileSyntaxError,
     FileUnreadableError,
     FileValueError,
     MissingError,
-    OptionError,
 )
 
 FilePath: TypeAlias = str | os.PathLike[str]
@@ -103,12 +104,14 @@ def convert_paint(
     from south, east positive: ours are 180° less those. The mount is `pitch-roll` with the first axis to the east; the first
     actuator's angle grows as the mirror tips to the south, ours the other way, hence its sign of -1.
     """
-    if centroid not in ("HeliOS", "UTIS"):
-        raise _option("centroid", f"wanted HeliOS or UTIS, got `{centroid}`")
+    if text("centroid", centroid) not in ("HeliOS", "UTIS"):
+        raise wrong_value("centroid", f"wanted HeliOS or UTIS, got `{centroid}`")
+    aim = None if aim is None else text("aim", aim)
+    out = checked_path("out", out)
     properties, found = _files(records, heliostats)
-    origin, targets, warnings = _tower(Path(tower))
+    origin, targets, warnings = _tower(Path(checked_path("tower", tower)))
     if aim is not None and aim not in targets:
-        raise _option("aim", f"no plane target `{aim}` in {tower}; known are {', '.join(sorted(targets))}")
+        raise wrong_value("aim", f"no plane target `{aim}` in {tower}; known are {', '.join(sorted(targets))}")
     folder = Path(out)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -147,12 +150,6 @@ def convert_paint(
         left_aside=left_aside,
         warnings=warnings,
     )
-
-
-def _option(name: str, message: str) -> OptionError:
-    error = OptionError(f"{name}: {message}")
-    error.field = name
-    return error
 
 
 def _unreadable(path: Path, error: OSError) -> FileUnreadableError:
@@ -207,15 +204,25 @@ def _files(
     """Properties and records of each heliostat, both in the order of names."""
     if isinstance(records, Mapping):
         if heliostats is None:
-            raise _option("heliostats", "a mapping of records wants the heliostat-properties.json of each heliostat")
+            raise wrong_value(
+                "heliostats", "a mapping of records wants the heliostat-properties.json of each heliostat"
+            )
+        if not isinstance(heliostats, Mapping):
+            raise wrong_type("heliostats", "a mapping of names to paths", heliostats)
         for name in records:
             if name not in heliostats:
-                raise _option("heliostats", f"there is none for `{name}`, which has records")
-        properties = {name: Path(heliostats[name]) for name in sorted(heliostats)}
-        return properties, {name: [Path(path) for path in records.get(name, ())] for name in properties}
+                raise wrong_value("heliostats", f"there is none for `{name}`, which has records")
+        properties = {
+            text("heliostats", name): Path(checked_path("heliostats", path)) for name, path in heliostats.items()
+        }
+        properties = dict(sorted(properties.items()))
+        return properties, {
+            name: [Path(checked_path("records", path)) for path in several("records", records.get(name, ()), "paths")]
+            for name in properties
+        }
     if heliostats is not None:
-        raise _option("heliostats", "it goes with a mapping of records; of a folder they are found in it")
-    folder = Path(records)
+        raise wrong_value("heliostats", "it goes with a mapping of records; of a folder they are found in it")
+    folder = Path(checked_path("records", records))
     properties = {
         path.name.removesuffix(_PROPERTIES): path for path in sorted(folder.glob(f"*/Properties/*{_PROPERTIES}"))
     }

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from helio_py._checked import path
 from helio_py._errors import DataTypeError, HelioError, OptionError, ShapeError
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ def kind_of(value: Any) -> str:
 def taken(value: Any, what: str) -> Any:
     """A path as text, the capsule of an Arrow stream, or a list of columns."""
     if isinstance(value, (str, os.PathLike)):
-        return os.fspath(value)
+        return path(what, value)
     if isinstance(value, dict):
         return [_column(name, cells, what) for name, cells in _of_one_length(value, what).items()]
     if hasattr(value, "_table_columns"):  # of this package
@@ -127,11 +128,11 @@ def _times(cells: Any, name: str, what: str) -> NDArray[np.int64]:
 def checked_kind(kind: Any) -> str:
     """A kind of table that somebody asks for by name."""
     kinds = ("dict", "pandas", "polars", "pyarrow")
-    if kind not in kinds:
-        error = OptionError(f"kind: wanted {', '.join(kinds[:-1])} or {kinds[-1]}, got `{kind}`")
+    if not isinstance(kind, str) or kind not in kinds:
+        error = OptionError(f"kind: wanted {', '.join(kinds[:-1])} or {kinds[-1]}, got {kind!r}")
         error.field = "kind"
         raise error
-    return str(kind)
+    return kind
 
 
 def given_back(columns: list[Column], kind: str) -> Any:
