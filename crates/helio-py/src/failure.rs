@@ -188,7 +188,13 @@ impl From<IoError> for Failure {
         if let Some(id) = &place.heliostat {
             failure = failure.with_id(id.clone());
         }
-        if let Some(field) = &place.field {
+        let named = match error.problem() {
+            Problem::Unknown { name, .. } => Some(name.as_str()),
+            // "the column `time`"
+            Problem::Missing { what, .. } => what.split('`').nth(1),
+            _ => None,
+        };
+        if let Some(field) = place.field.as_deref().or(named) {
             failure = failure.with_field(field);
         }
         failure

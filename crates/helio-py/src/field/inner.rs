@@ -50,11 +50,15 @@ impl Inner {
         Self::loaded_from(path, load_field_calibrated(path, calibration.into())?)
     }
 
-    fn loaded_from(path: &Path, loaded: LoadedField) -> Result<Self, Failure> {
+    fn loaded_from(path: &Path, mut loaded: LoadedField) -> Result<Self, Failure> {
+        // Whoever asks again may stand in another folder.
+        let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.into());
+        for file in &mut loaded.files {
+            *file = absolute(file);
+        }
         let loaded = Box::new(loaded);
         let hashes: Result<_, _> = loaded.files.iter().map(|file| hash_file(file)).collect();
-        // Whoever unpickles it may stand in another folder.
-        let path = std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf());
+        let path = absolute(path);
         Self::new(Source::Files {
             loaded,
             path,

@@ -36,7 +36,7 @@ def calibration_arrows(
     residual_u_m, residual_v_m : array of shape (n,)
         Seen less predicted [m].
     rejected : array of bool of shape (n,), optional
-        Records that the calibration does not use: drawn in another colour.
+        Records that the calibration does not use: drawn in another colour. Those whose residual is NaN are too.
     enlarged : float, optional
         How many times as long as they are arrows are drawn; by default so that the longest is a tenth of the picture.
     size_m : (width, height), optional
@@ -54,7 +54,8 @@ def calibration_arrows(
     du, dv = column_of(residual_u_m, "residual_u_m", len(u)), column_of(residual_v_m, "residual_v_m", len(u))
     v = column_of(v, "v_m", len(u))
     out = np.zeros(len(u), dtype=bool) if rejected is None else np.asarray(rejected, dtype=bool)
-    longest = float(np.nanmax(np.hypot(du, dv)[~out], initial=0.0))
+    out = out | ~np.isfinite(du + dv)  # what has no prediction is not used
+    longest = float(np.max(np.hypot(du, dv)[~out], initial=0.0))
     if enlarged is None:
         spread = max(np.ptp(u), np.ptp(v), *(size_m or (0.0,))) if len(u) else 0.0
         enlarged = _round_down(0.1 * spread / longest) if longest > 0 and spread > 0 else 1.0
