@@ -48,7 +48,7 @@ mod target;
 mod times;
 mod toml;
 
-pub use atomic::{AtomicFile, remove_unfinished_files, write_file};
+pub use atomic::{AtomicFile, remove_unfinished_files, write_file, write_file_with};
 pub use calibrated::{
     CalibratedSet, JointColumns, Provenance, degrees_for, errors_as_written, load_calibration,
     write_calibration,

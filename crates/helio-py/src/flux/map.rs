@@ -1,7 +1,6 @@
 //! `Flux`: the irradiance of a receiver, and where the rest of the light went.
 
 use std::ffi::OsStr;
-use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use helio_core::Status;
@@ -10,7 +9,7 @@ use helio_flux::map::write_vtk;
 use helio_flux::mesh::Mirror;
 use helio_flux::{FluxMap, Receiver};
 use helio_io::output::{Destination, Format};
-use helio_io::{AtomicFile, FluxScene, IoError, write_flux_map};
+use helio_io::{FluxScene, write_file_with, write_flux_map};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::PyDict;
@@ -261,7 +260,8 @@ impl PyFlux {
         guarded(|| {
             py.detach(|| {
                 if suffix_is(&path, "vtk") {
-                    return whole(&path, |out| write_vtk(out, &self.receiver, &self.map));
+                    write_file_with(&path, |out| write_vtk(out, &self.receiver, &self.map))?;
+                    return Ok(());
                 }
                 let Some(format) = Format::of_path(&path) else {
                     let message = format!(
@@ -287,13 +287,14 @@ impl PyFlux {
             };
             py.detach(|| {
                 if suffix_is(&path, "vtk") {
-                    whole(&path, |out| write_slopes_vtk(out, mirror, &shape.slopes))
+                    write_file_with(&path, |out| write_slopes_vtk(out, mirror, &shape.slopes))?;
                 } else if suffix_is(&path, "csv") {
-                    whole(&path, |out| write_csv(out, &shape.deformed, &shape.slopes))
+                    write_file_with(&path, |out| write_csv(out, &shape.deformed, &shape.slopes))?;
                 } else {
                     let message = format!("{}: wanted .csv or .vtk", path.display());
-                    Err(Failure::of("OptionError", "path", message))
+                    return Err(Failure::of("OptionError", "path", message));
                 }
+                Ok(())
             })
         })
     }
@@ -310,18 +311,4 @@ impl PyFlux {
 fn suffix_is(path: &Path, wanted: &str) -> bool {
     let suffix = path.extension().map(OsStr::to_ascii_lowercase);
     suffix.is_some_and(|suffix| suffix == wanted)
-}
-
-/// Writes a file that appears whole or not at all.
-fn whole(
-    path: &Path,
-    write: impl FnOnce(&mut BufWriter<&mut AtomicFile>) -> std::io::Result<()>,
-) -> Result<(), Failure> {
-    let mut file = AtomicFile::create(path)?;
-    let mut out = BufWriter::new(&mut file);
-    write(&mut out)
-        .and_then(|()| out.flush())
-        .map_err(|error| IoError::write(path, error))?;
-    drop(out);
-    Ok(file.finish()?)
 }
