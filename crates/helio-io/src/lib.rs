@@ -67,7 +67,10 @@ pub use finding::{
     read_frame,
 };
 pub use finished::Finished;
-pub use flux::{GrayPicture, PictureError, TargetFlux, write_flux_map};
+pub use flux::{
+    DeformMethod, DeformedMirror, GrayPicture, PictureError, Structure, StructureFiles, TargetFlux,
+    write_flux_map,
+};
 pub use frames::{FrameFiles, frame_files};
 pub use hash::{Sha256, hash_file};
 pub use judging::{CampaignAsked, JudgedCampaign};

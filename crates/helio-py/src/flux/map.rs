@@ -9,12 +9,12 @@ use helio_flux::map::write_vtk;
 use helio_flux::mesh::Mirror;
 use helio_flux::{FluxMap, Receiver};
 use helio_io::output::{Destination, Format};
-use helio_io::{FluxScene, write_file_with, write_flux_map};
+use helio_io::{DeformedMirror, FluxScene, write_file_with, write_flux_map};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::PyDict;
 
-use super::mesh::Shape;
+use super::kept::{self, Kept};
 use crate::array::owned;
 use crate::failure::Failure;
 use crate::guard::guarded;
@@ -26,48 +26,51 @@ use crate::guard::guarded;
 /// the mirrors: that of the model for a mesh, east, north, up for a field.
 #[pyclass(frozen, name = "Flux", module = "helio_py")]
 pub(crate) struct PyFlux {
-    receiver: Receiver,
-    map: FluxMap,
-    dni_w_m2: f64,
-    axes: [&'static str; 3],
-    status: Option<Vec<u8>>,
-    slopes: Option<(Shape, Mirror)>,
-    warnings: Vec<String>,
+    pub(super) receiver: Receiver,
+    pub(super) map: FluxMap,
+    pub(super) dni_w_m2: f64,
+    pub(super) status: Option<Vec<u8>>,
+    pub(super) slopes: Option<(DeformedMirror, Mirror)>,
+    pub(super) warnings: Vec<String>,
 }
+
+/// Names of the axes of a field's frame, and of that of a mesh.
+const OF_FIELD: [&str; 3] = ["east_m", "north_m", "up_m"];
+const OF_MESH: [&str; 3] = ["x_m", "y_m", "z_m"];
 
 impl PyFlux {
     pub(super) fn of_field(scene: FluxScene, map: FluxMap, status: Vec<Status>) -> Self {
         let status = status.into_iter().map(|status| status as u8).collect();
-        let axes = ["east_m", "north_m", "up_m"];
-        Self::new(scene, map, axes, Some(status), Vec::new())
+        Self::new(scene, map, Some(status), Vec::new())
     }
 
     pub(super) fn of_mesh(scene: FluxScene, map: FluxMap, warnings: Vec<String>) -> Self {
-        Self::new(scene, map, ["x_m", "y_m", "z_m"], None, warnings)
+        Self::new(scene, map, None, warnings)
     }
 
-    fn new(
-        scene: FluxScene,
-        map: FluxMap,
-        axes: [&'static str; 3],
-        status: Option<Vec<u8>>,
-        more: Vec<String>,
-    ) -> Self {
+    fn new(scene: FluxScene, map: FluxMap, status: Option<Vec<u8>>, more: Vec<String>) -> Self {
         let mut warnings = scene.warnings;
         warnings.extend(more);
         Self {
             receiver: scene.receiver,
             map,
             dni_w_m2: scene.sun.dni_w_m2,
-            axes,
             status,
             slopes: None,
             warnings,
         }
     }
 
-    pub(super) fn add_slopes(&mut self, shape: Option<Shape>, mirror: Mirror) {
-        self.slopes = shape.map(|shape| (shape, mirror));
+    pub(super) fn add_slopes(&mut self, slopes: Option<(DeformedMirror, Mirror)>) {
+        self.slopes = slopes;
+    }
+
+    fn axes(&self) -> [&'static str; 3] {
+        if self.status.is_some() {
+            OF_FIELD
+        } else {
+            OF_MESH
+        }
     }
 
     fn grid(&self) -> [usize; 2] {
@@ -241,7 +244,7 @@ impl PyFlux {
                 |of: &dyn Fn(usize) -> f64| owned(py, (0..bins).map(of).collect(), &[bins]);
             table.set_item("u_m", numbers(&self.uv_m(0))?)?;
             table.set_item("v_m", numbers(&self.uv_m(1))?)?;
-            for (axis, name) in self.axes.into_iter().enumerate() {
+            for (axis, name) in self.axes().into_iter().enumerate() {
                 table.set_item(name, numbers(&|bin| self.receiver.bin_centre_m(bin)[axis])?)?;
             }
             table.set_item("area_m2", numbers(&|bin| self.receiver.bin_area_m2(bin))?)?;
@@ -271,7 +274,7 @@ impl PyFlux {
                     return Err(Failure::of("OptionError", "path", message));
                 };
                 let destination = Destination::File(path);
-                write_flux_map(destination, format, &self.receiver, &self.map, self.axes)?;
+                write_flux_map(destination, format, &self.receiver, &self.map, self.axes())?;
                 Ok(())
             })
         })
@@ -297,6 +300,30 @@ impl PyFlux {
                 Ok(())
             })
         })
+    }
+
+    /// What it holds, as numbers and arrays: the same to the last bit after a journey to another process.
+    fn __reduce__<'py>(
+        slf: &Bound<'py, Self>,
+    ) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyDict>,))> {
+        let kept = guarded(|| kept::kept(slf.py(), slf.get()))?;
+        Ok((slf.get_type().getattr("_from_kept")?, (kept,)))
+    }
+
+    /// What `__reduce__` handed over.
+    #[staticmethod]
+    fn _from_kept(kept: Kept) -> PyResult<Self> {
+        guarded(|| kept.flux())
+    }
+
+    /// Itself: a flux does not change.
+    fn __copy__(slf: Py<Self>) -> Py<Self> {
+        slf
+    }
+
+    /// Itself.
+    fn __deepcopy__(slf: Py<Self>, _memo: &Bound<'_, PyAny>) -> Py<Self> {
+        slf
     }
 
     fn __repr__(&self) -> String {
