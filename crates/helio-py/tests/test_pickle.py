@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import helio_py as hp
-from conftest import ROOT, random_field, same_bits
+from conftest import random_field, same_bits
 
 NODES = [[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.5, 0.5, 0.0], [-0.5, 0.5, 0.0]]
 FACES = [[0, 1, 2, -1], [0, 2, 3, -1]]
@@ -125,7 +125,7 @@ def test_a_damaged_pickle_is_refused() -> None:
         ("method", "bent"),
         ("axis", (0.0, 0.0, 0.0)),
     ):
-        changes.append(("slopes", slopes | {name: value}, ""))
+        changes.append(("slopes", slopes | {name: value}, "."))
     for name, value, message in changes:
         with pytest.raises(hp.HelioError, match=message) as caught:
             again(kept | {name: value})

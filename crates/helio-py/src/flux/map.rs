@@ -8,7 +8,7 @@ use helio_flux::deform::{write_csv, write_vtk as write_slopes_vtk};
 use helio_flux::map::write_vtk;
 use helio_flux::mesh::Mirror;
 use helio_flux::{FluxMap, Receiver};
-use helio_io::output::{Destination, Format};
+use helio_io::output::{Destination, Format, KeptColumns};
 use helio_io::{DeformedMirror, FluxScene, write_file_with, write_flux_map};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -18,6 +18,7 @@ use super::kept::{self, Kept};
 use crate::array::owned;
 use crate::failure::Failure;
 use crate::guard::guarded;
+use crate::table::given_back;
 
 /// Irradiance of every bin of a receiver, and where the rest of the light went: what `flux` returns.
 ///
@@ -226,33 +227,22 @@ impl PyFlux {
         self.warnings.clone()
     }
 
-    /// The map as columns, a row for each bin: a dict of arrays `row, column, u_m, v_m`, the middle of the bin (`x_m,
-    /// y_m, z_m` for a mesh, `east_m, north_m, up_m` for a field), `area_m2, flux_w_m2`. pandas, polars and pyarrow
-    /// make a table of it as it is.
-    fn to_table<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+    /// The table that `helio-rs flux --out` writes, a row for each bin: `row, column, u_m, v_m`, the middle of the bin
+    /// (`x_m, y_m, z_m` for a mesh, `east_m, north_m, up_m` for a field), `area_m2, flux_w_m2`; as "dict" (of arrays),
+    /// "pandas", "polars" or "pyarrow".
+    #[pyo3(signature = (kind="dict"))]
+    fn to_table<'py>(&self, py: Python<'py>, kind: &str) -> PyResult<Bound<'py, PyAny>> {
         guarded(|| {
-            let bins = self.receiver.bins();
-            let columns = self.receiver.columns();
-            let whole = |of: fn(usize, usize) -> usize| {
-                let cell = |bin| i64::try_from(of(bin, columns)).unwrap_or(i64::MAX);
-                owned(py, (0..bins).map(cell).collect(), &[bins])
-            };
-            let table = PyDict::new(py);
-            table.set_item("row", whole(|bin, columns| bin / columns)?)?;
-            table.set_item("column", whole(|bin, columns| bin % columns)?)?;
-            let numbers =
-                |of: &dyn Fn(usize) -> f64| owned(py, (0..bins).map(of).collect(), &[bins]);
-            table.set_item("u_m", numbers(&self.uv_m(0))?)?;
-            table.set_item("v_m", numbers(&self.uv_m(1))?)?;
-            for (axis, name) in self.axes().into_iter().enumerate() {
-                table.set_item(name, numbers(&|bin| self.receiver.bin_centre_m(bin)[axis])?)?;
-            }
-            table.set_item("area_m2", numbers(&|bin| self.receiver.bin_area_m2(bin))?)?;
-            table.set_item(
-                "flux_w_m2",
-                numbers(&|bin| self.map.irradiance_w_m2()[bin])?,
+            let kept = KeptColumns::default();
+            let destination = Destination::Columns(kept.clone());
+            write_flux_map(
+                destination,
+                Format::Csv,
+                &self.receiver,
+                &self.map,
+                self.axes(),
             )?;
-            Ok(table)
+            given_back(py, kept.take(), kind)
         })
     }
 
