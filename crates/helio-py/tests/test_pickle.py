@@ -18,10 +18,22 @@ from conftest import random_field, same_bits
 
 NODES = [[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.5, 0.5, 0.0], [-0.5, 0.5, 0.0]]
 FACES = [[0, 1, 2, -1], [0, 2, 3, -1]]
-MOVED = [[0, 0, 0], [0, 0, 0.005], [0, 0, 0], [0, 0, 0]]
-PLANE = {"shape": "plane", "centre_m": [0.1, 0, 10], "facing": [0.1, 0, -1], "width_m": 2.0, "height_m": 2.0}
-ROUND = {"shape": "cylinder", "base_m": [-1, 0.1, 10], "axis": [1, 0.1, 0], "radius_m": 0.5, "height_m": 2.0}
-CONE = {"shape": "cone", "base_m": [-1, 0.1, 10], "axis": [1, 0.1, 0.2], "height_m": 2.0}
+MOVED: list[list[float]] = [[0, 0, 0], [0, 0, 0.005], [0, 0, 0], [0, 0, 0]]
+PLANE: dict[str, Any] = {
+    "shape": "plane",
+    "centre_m": [0.1, 0, 10],
+    "facing": [0.1, 0, -1],
+    "width_m": 2.0,
+    "height_m": 2.0,
+}
+ROUND: dict[str, Any] = {
+    "shape": "cylinder",
+    "base_m": [-1, 0.1, 10],
+    "axis": [1, 0.1, 0],
+    "radius_m": 0.5,
+    "height_m": 2.0,
+}
+CONE: dict[str, Any] = {"shape": "cone", "base_m": [-1, 0.1, 10], "axis": [1, 0.1, 0.2], "height_m": 2.0}
 CONE |= {"base_radius_m": 0.5, "end_radius_m": 0.1}
 
 

@@ -20,7 +20,7 @@ import helio_py as hp
 from conftest import random_field
 
 TIMES = ["2026-06-21T06:00:00Z", "2026-06-21T12:00:00Z", "2026-06-21T23:00:00Z"]
-KINDS: dict[str, type] = {"dict": dict, "pandas": pd.DataFrame, "polars": pl.DataFrame, "pyarrow": pa.Table}
+KINDS: dict[str, Any] = {"dict": dict, "pandas": pd.DataFrame, "polars": pl.DataFrame, "pyarrow": pa.Table}
 
 
 def run(*typed: Any) -> None:
@@ -106,19 +106,19 @@ def test_tracking_and_prediction_are_the_command_line_s_tables(sun: str, command
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_kind_of_table_comes_back(kind: str, example: hp.Field) -> None:
     suns = {"sun_azimuth_rad": np.array([3.0, 3.1]), "sun_elevation_rad": np.array([0.8, 0.7])}
-    tracking = hp.track(example, *suns.values())
-    table = tracking.to_table(example, kind, **suns)
+    tracking = hp.track(example, suns["sun_azimuth_rad"], suns["sun_elevation_rad"])
+    table: Any = tracking.to_table(example, kind, times=None, **suns)
     assert isinstance(table, KINDS[kind])
     n = 2 * len(example)
     assert [len(table["id"]), len(table["azimuth_deg"])] == [n, n]
-    landed = hp.predict(example, table)  # the kind of the one given
+    landed: Any = hp.predict(example, table)  # the kind of the one given
     assert isinstance(landed, KINDS[kind])
     assert len(landed["u_m"]) == n
     assert np.nanmax(np.abs(np.asarray(landed["beam_error_mrad"]))) < 1e-6
     scene = {"receiver": {"shape": "plane", "centre_m": [0, 0, 10], "facing": [0, 0, -1], "width_m": 2, "height_m": 2}}
-    nodes = [[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]
+    nodes = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
     flux = hp.flux(mesh=nodes, elements=[[0, 1, 2]], scene=scene, rays=1000)
-    bins = flux.to_table(kind)
+    bins: Any = flux.to_table(kind)
     assert isinstance(bins, KINDS[kind])
     assert np.asarray(bins["flux_w_m2"]).tobytes() == flux.flux_w_m2.tobytes()
 

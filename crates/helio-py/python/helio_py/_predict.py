@@ -139,16 +139,17 @@ def _of_table(field: Field, angles: Any, kind: str | None) -> Any:
     wanted = kind_of(angles) if kind is None else checked_kind(kind)
     read = _angles(field, angles)
     heliostat, times = read["heliostat"], read.get("unix_ns")
+    moment: list[Any]
     if times is not None:
         stamps = times.view("datetime64[ns]")
         sun = field.sun_position(stamps)
         suns = np.stack([sun.azimuth_rad, sun.elevation_rad])
         changed = times[1:] != times[:-1]
-        moment = {"times": stamps, "sun_azimuth_rad": None, "sun_elevation_rad": None}
+        moment = [stamps, None, None]
     elif "sun_azimuth_rad" in read:
         suns = np.stack([read["sun_azimuth_rad"], read["sun_elevation_rad"]])
         changed = (suns[:, 1:] != suns[:, :-1]).any(0)
-        moment = {"times": None, "sun_azimuth_rad": suns[0].copy(), "sun_elevation_rad": suns[1].copy()}
+        moment = [None, suns[0].copy(), suns[1].copy()]
     else:
         raise _refused("azimuth_rad", "a table of angles wants a column time, or sun_azimuth_deg and sun_elevation_deg")
     # A row of the arrays for each sun, or more where a heliostat comes again.
@@ -161,8 +162,9 @@ def _of_table(field: Field, angles: Any, kind: str | None) -> Any:
     _, line = np.unique(np.stack([group, again]), axis=1, return_inverse=True)
     line = line.reshape(-1)
     lines = int(line.max()) + 1 if len(line) else 0
-    columns = [np.full(len(group), np.nan) for _ in range(3)] + [np.zeros(len(group), dtype=np.uint8)]
-    point = np.full((len(group), 3), np.nan)
+    count = len(group)
+    columns: list[NDArray[Any]] = [np.full(shape, np.nan) for shape in (count, count, (count, 3), count)]
+    columns.append(np.zeros(count, dtype=np.uint8))
     step = max(1, _CELLS // max(1, len(field)))
     for first in range(0, lines, step):
         here = np.flatnonzero((line >= first) & (line < first + step))
@@ -173,9 +175,7 @@ def _of_table(field: Field, angles: Any, kind: str | None) -> Any:
         of_line = np.zeros(count, dtype=np.int64)
         of_line[at[0]] = here
         stamps_here = None if times is None else times[of_line].view("datetime64[ns]")
-        landed = Prediction(*_predict(field, azimuth, elevation, suns[0][of_line], suns[1][of_line], stamps_here))
-        for column, found in zip(columns, (landed.u_m, landed.v_m, landed.beam_error_rad, landed.status), strict=True):
+        landed = _predict(field, azimuth, elevation, suns[0][of_line], suns[1][of_line], stamps_here)
+        for column, found in zip(columns, landed, strict=True):
             column[here] = found[at]
-        point[here] = landed.point_enu_m[at]
-    u_m, v_m, beam_error_rad, status = columns
-    return _landed_table(field, [u_m, v_m, point, beam_error_rad, status], wanted, *moment.values(), heliostat.tolist())
+    return _landed_table(field, columns, wanted, moment[0], moment[1], moment[2], heliostat.tolist())

@@ -186,6 +186,12 @@ impl MeshAsked {
         )?;
         of_nodes(&structure.matched, warnings);
         let others = structure.mesh.other_vectors();
+        if !structure.loaded && others.is_empty() && self.method != "unloaded" {
+            warnings.push(format!(
+                "{} holds no displacements: the mirror is as it was drawn",
+                model.display()
+            ));
+        }
         if !structure.loaded && !others.is_empty() {
             warnings.push(format!(
                 "vectors of the nodes are named {others:?}, and none is taken for displacements: vectors= says which is"
