@@ -3,6 +3,7 @@
 use std::io::{self, Write};
 
 use crate::account::Account;
+use crate::error::FluxError;
 use crate::receiver::Receiver;
 
 /// Irradiance of every bin of a receiver, and where the rest of the light went.
@@ -24,6 +25,32 @@ impl FluxMap {
             irradiance_w_m2: power_w.iter().enumerate().map(irradiance).collect(),
             account,
         }
+    }
+
+    /// A map from what [`irradiance_w_m2`](Self::irradiance_w_m2) and [`account`](Self::account) of another said, such
+    /// as one that was kept.
+    ///
+    /// # Errors
+    /// [`FluxError::BadValue`] unless there is a number for each bin of the receiver.
+    pub fn of_bins(
+        receiver: &Receiver,
+        irradiance_w_m2: Vec<f64>,
+        account: Account,
+    ) -> Result<Self, FluxError> {
+        if irradiance_w_m2.len() != receiver.bins() {
+            return Err(FluxError::BadValue {
+                who: "flux map",
+                what: "irradiance_w_m2",
+                wanted: "as many numbers as the receiver has bins",
+                value: irradiance_w_m2.len() as f64,
+            });
+        }
+        Ok(Self {
+            rows: receiver.rows(),
+            columns: receiver.columns(),
+            irradiance_w_m2,
+            account,
+        })
     }
 
     /// Rows of the receiver's grid.

@@ -15,18 +15,16 @@ use helio_flux::{
     rays_to_repeat, trace_rays,
 };
 
-fn scene<'a>(
+/// Under a sun somewhat aside, by mirrors with errors.
+fn aslant<'a>(
     elements: &'a [Element],
     receiver: &'a Receiver,
     sun_shape: &'a SunShape,
 ) -> Scene<'a> {
     Scene {
-        elements,
-        receiver,
         sun: [0.02, 0.01, 1.0],
-        dni_w_m2: 1000.0,
-        sun_shape,
         optical_error: OpticalError::new(1e-3, 3e-4).unwrap(),
+        ..scene(elements, receiver, sun_shape)
     }
 }
 
@@ -78,7 +76,7 @@ fn stated_errors_hold() {
     let sun_shape = SunShape::limb_darkened(4.65e-3).unwrap();
     for receiver in &receivers() {
         for elements in [patches(1), patches(60)] {
-            let scene = scene(&elements, receiver, &sun_shape);
+            let scene = aslant(&elements, receiver, &sun_shape);
             let many: Vec<FluxMap> = (100..108)
                 .map(|seed| traced(&scene, 1 << 23, seed))
                 .collect();
@@ -123,7 +121,7 @@ fn fine_bins_keep_the_error_that_was_asked_for() {
     let elements = patches(100);
     for (bins, goal) in [(700, 0.1), (300, 0.05)] {
         let receiver = screen(bins);
-        let scene = scene(&elements, &receiver, &sun_shape);
+        let scene = aslant(&elements, &receiver, &sun_shape);
         let choice = choose_way(&scene, goal, 0, 0).unwrap();
         assert!(matches!(choice.way, Way::Rays(_)), "{choice:?}");
         let mut map = taken(&scene, choice.way, 1);
@@ -167,7 +165,7 @@ fn the_greatest_of_many_is_told_as_such() {
     let scene = Scene {
         sun: [0.0, 0.0, 1.0],
         optical_error: OpticalError::NONE,
-        ..scene(&elements, &receiver, &sun_shape)
+        ..aslant(&elements, &receiver, &sun_shape)
     };
     let map = traced(&scene, 1 << 18, 0);
     let (error, most) = (peak_error(&scene, &map), peak_excess(&receiver, &map));
@@ -182,21 +180,21 @@ fn few_mirrors_are_convolved_and_many_traced() {
     let sun_shape = SunShape::pillbox(4.65e-3).unwrap();
     let receiver = screen(64);
     let one = patches(1);
-    let choice = choose_way(&scene(&one, &receiver, &sun_shape), 0.005, 0, 1).unwrap();
+    let choice = choose_way(&aslant(&one, &receiver, &sun_shape), 0.005, 0, 1).unwrap();
     assert_eq!(choice.way, Way::Convolution(2));
     assert!(choice.why.to_string().starts_with("rays would take about"));
     let many = patches(150);
-    let choice = choose_way(&scene(&many, &receiver, &sun_shape), 0.005, 0, 1).unwrap();
+    let choice = choose_way(&aslant(&many, &receiver, &sun_shape), 0.005, 0, 1).unwrap();
     assert!(matches!(choice.way, Way::Rays(_)), "{choice:?}");
     // and the closer, the more
     let Way::Rays(few) = choice.way else { panic!() };
-    let closer = choose_way(&scene(&many, &receiver, &sun_shape), 0.002, 0, 1).unwrap();
+    let closer = choose_way(&aslant(&many, &receiver, &sun_shape), 0.002, 0, 1).unwrap();
     if let Way::Rays(more) = closer.way {
         assert!(more > 3 * few);
     }
     assert_eq!(
         choice,
-        choose_way(&scene(&many, &receiver, &sun_shape), 0.005, 0, 2).unwrap()
+        choose_way(&aslant(&many, &receiver, &sun_shape), 0.005, 0, 2).unwrap()
     );
 }
 
@@ -208,7 +206,7 @@ fn mirrors_in_each_others_light_are_traced() {
         rectangle([0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]),
         rectangle([0.5, 0.0, 3.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]).with_mirror(1),
     ];
-    let choice = choose_way(&scene(&elements, &receiver, &sun_shape), 0.01, 0, 0).unwrap();
+    let choice = choose_way(&aslant(&elements, &receiver, &sun_shape), 0.01, 0, 0).unwrap();
     assert!(
         matches!(choice.why, Why::Occlusion(part) if part > 0.2),
         "{choice:?}"
@@ -221,7 +219,7 @@ fn errors_out_of_reach_are_refused_and_the_dark_has_none() {
     let sun_shape = SunShape::pillbox(4.65e-3).unwrap();
     let receiver = screen(8);
     let elements = patches(1);
-    let lit = scene(&elements, &receiver, &sun_shape);
+    let lit = aslant(&elements, &receiver, &sun_shape);
     for error in [0.0, 1e-4, 0.6, f64::NAN] {
         let refused = choose_way(&lit, error, 0, 0);
         assert!(matches!(

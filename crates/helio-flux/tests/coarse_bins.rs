@@ -2,9 +2,12 @@
 
 #![allow(clippy::unwrap_used, reason = "tests fail")]
 
+mod common;
+
+use common::scene;
 use helio_flux::{
-    ConvolveOptions, Element, FluxError, FluxMap, Frustum, MeshReceiver, OpticalError, Plane,
-    RayOptions, Rays, Receiver, Scene, SunShape, convolve, trace_rays,
+    ConvolveOptions, Element, FluxError, FluxMap, Frustum, MeshReceiver, Plane, RayOptions, Rays,
+    Receiver, Scene, SunShape, convolve, trace_rays,
 };
 
 const DOWN: [f64; 3] = [0.0, 0.0, -1.0];
@@ -28,21 +31,6 @@ fn slices() -> Vec<Element> {
             facet(0.02 * strip - 0.08, 0.005 * slice - 0.0875, 0.015, 0.005)
         })
         .collect()
-}
-
-fn scene<'a>(
-    elements: &'a [Element],
-    receiver: &'a Receiver,
-    sun_shape: &'a SunShape,
-) -> Scene<'a> {
-    Scene {
-        elements,
-        receiver,
-        sun: [0.0, 0.0, 1.0],
-        dni_w_m2: 1000.0,
-        sun_shape,
-        optical_error: OpticalError::NONE,
-    }
 }
 
 fn by_points(scene: &Scene<'_>, points: usize) -> FluxMap {

@@ -278,9 +278,27 @@ impl Write for AtomicFile {
 /// # Errors
 /// [`IoError`] as for [`AtomicFile`].
 pub fn write_file(path: &Path, contents: &[u8]) -> Result<(), IoError> {
+    write_file_with(path, |out| out.write_all(contents))
+}
+
+/// Writes a file piece by piece, so that it appears whole or not at all.
+///
+/// # Errors
+/// [`IoError`] as for [`AtomicFile`], also of what `write` says.
+///
+/// ```
+/// use std::io::Write;
+/// let path = tempfile::tempdir()?.keep().join("numbers.txt");
+/// helio_io::write_file_with(&path, |out| (1..4).try_for_each(|k| writeln!(out, "{k}")))?;
+/// assert_eq!(std::fs::read_to_string(path)?, "1\n2\n3\n");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn write_file_with(
+    path: &Path,
+    write: impl FnOnce(&mut AtomicFile) -> io::Result<()>,
+) -> Result<(), IoError> {
     let mut file = AtomicFile::create(path)?;
-    file.write_all(contents)
-        .map_err(|error| IoError::write(path, error))?;
+    write(&mut file).map_err(|error| IoError::write(path, error))?;
     file.finish()
 }
 

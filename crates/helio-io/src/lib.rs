@@ -48,7 +48,7 @@ mod target;
 mod times;
 mod toml;
 
-pub use atomic::{AtomicFile, remove_unfinished_files, write_file};
+pub use atomic::{AtomicFile, remove_unfinished_files, write_file, write_file_with};
 pub use calibrated::{
     CalibratedSet, JointColumns, Provenance, degrees_for, errors_as_written, load_calibration,
     write_calibration,
@@ -67,7 +67,10 @@ pub use finding::{
     read_frame,
 };
 pub use finished::Finished;
-pub use flux::{GrayPicture, PictureError, TargetFlux, write_flux_map};
+pub use flux::{
+    DeformMethod, DeformedMirror, GrayPicture, PictureError, Structure, StructureFiles, TargetFlux,
+    write_flux_map,
+};
 pub use frames::{FrameFiles, frame_files};
 pub use hash::{Sha256, hash_file};
 pub use judging::{CampaignAsked, JudgedCampaign};

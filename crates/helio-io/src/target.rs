@@ -127,18 +127,8 @@ pub fn target_of_text(path: &Path, text: &str) -> Result<CameraTarget, IoError> 
         None => None,
     };
     let side = |key: &'static keys::Key| {
-        let Some(number) = file.number(key)? else {
-            return Ok(None);
-        };
-        if number.fract() != 0.0 {
-            let problem = Problem::WrongKind {
-                what: file.dotted(key),
-                wanted: "a whole number of pixels".into(),
-                found: number.to_string(),
-            };
-            return Err(file.error(key, problem));
-        }
-        Ok(Some(number as usize))
+        let side = file.whole(key, "a whole number of pixels")?;
+        Ok::<_, IoError>(side.map(|side| side as usize))
     };
     let frame_px = [side(&keys::FRAME_WIDTH)?, side(&keys::FRAME_HEIGHT)?];
     Ok(CameraTarget {

@@ -169,6 +169,22 @@ impl<'a> Section<'a> {
         Ok(Some(value))
     }
 
+    /// A number without a fraction; `wanted` is what messages call it.
+    pub(crate) fn whole(&self, key: &Key, wanted: &str) -> Result<Option<u64>, IoError> {
+        let Some(number) = self.number(key)? else {
+            return Ok(None);
+        };
+        if number.fract() != 0.0 {
+            let problem = Problem::WrongKind {
+                what: self.dotted(key),
+                wanted: wanted.into(),
+                found: number.to_string(),
+            };
+            return Err(self.error(key, problem));
+        }
+        Ok(Some(number as u64))
+    }
+
     /// East, north, up.
     pub(crate) fn enu(&self, key: &Key, limit: f64) -> Result<Option<[f64; 3]>, IoError> {
         let Some(item) = self.get(key) else {

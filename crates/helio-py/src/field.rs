@@ -420,6 +420,16 @@ impl PyField {
         (class.getattr("_from_columns")?, (columns,)).into_pyobject(py)
     }
 
+    /// Itself: a field does not change.
+    fn __copy__(slf: Py<Self>) -> Py<Self> {
+        slf
+    }
+
+    /// Itself.
+    fn __deepcopy__(slf: Py<Self>, _memo: &Bound<'_, PyAny>) -> Py<Self> {
+        slf
+    }
+
     /// The field of a dict of arguments, for pickle.
     #[staticmethod]
     fn _from_columns<'py>(arguments: &Bound<'py, PyDict>) -> PyResult<Bound<'py, PyAny>> {

@@ -2,6 +2,7 @@
 
 mod camera;
 mod field;
+mod kept;
 mod map;
 mod mesh;
 mod scene;

@@ -5,7 +5,7 @@
 //!
 //! One file per subject: `field`, `track`, `forward`, `sun`, `drive`, `predict`, `calibrate`, `spots`, `accuracy`,
 //! `flux`, `simulate`; below
-//! them what they share: `array` (NumPy in and out), `table` (tables in and out), `failure` (errors), `pool` (threads,
+//! them what they share: `array` (NumPy in and out), `table` (tables in and out), `rows` (answers as tables), `failure` (errors), `pool` (threads,
 //! and forks), `guard` (panics), `slab` (memory of answers), `watch` (progress and Ctrl-C of long work).
 
 #![allow(
@@ -25,6 +25,7 @@ mod given;
 mod guard;
 mod pool;
 mod predict;
+mod rows;
 mod simulate;
 mod slab;
 mod spots;
@@ -61,6 +62,8 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(simulate::_simulate_observations, module)?)?;
 
     module.add_function(wrap_pyfunction!(predict::_predict, module)?)?;
+    module.add_function(wrap_pyfunction!(rows::_landed_table, module)?)?;
+    module.add_function(wrap_pyfunction!(rows::_angles, module)?)?;
     module.add_function(wrap_pyfunction!(calibrate::_calibrate, module)?)?;
     module.add_function(wrap_pyfunction!(table::_write_table, module)?)?;
 

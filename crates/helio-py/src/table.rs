@@ -165,6 +165,20 @@ pub(crate) fn handed_out<'py>(
     Ok(list)
 }
 
+/// A table of the kind that a keyword `kind` names.
+pub(crate) fn given_back<'py>(
+    py: Python<'py>,
+    columns: Vec<(String, KeptCells)>,
+    kind: &str,
+) -> Result<Bound<'py, PyAny>, Failure> {
+    static CHECKED: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+    static GIVEN_BACK: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+    let checked = CHECKED.import(py, "helio_py._tables", "checked_kind")?;
+    let kind = checked.call1((kind,))?;
+    let give = GIVEN_BACK.import(py, "helio_py._tables", "given_back")?;
+    Ok(give.call1((handed_out(py, columns)?, kind))?)
+}
+
 /// Columns as the command line would have written them.
 fn kept(columns: &Bound<'_, PyList>) -> Result<Vec<(String, KeptCells)>, Failure> {
     let mut kept = Vec::with_capacity(columns.len());

@@ -427,3 +427,44 @@ def test_memory_is_flat_over_many_calls() -> None:
     after = tracemalloc.get_traced_memory()[0]
     tracemalloc.stop()
     assert after - before < 20_000
+
+
+def test_a_file_cut_before_its_displacements_is_told_or_refused(command_line: str, tmp_path: Path) -> None:
+    whole, cut = tmp_path / "whole.vtk", tmp_path / "cut.vtk"
+    text = (
+        "# vtk DataFile Version 3.0\nmirror\nASCII\nDATASET POLYDATA\nPOINTS 4 double\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n"
+        "POLYGONS 1 5\n4 0 1 2 3\nPOINT_DATA 4\nVECTORS displacement double\n0 0 0\n0 0 0.01\n0 0 0.01\n0 0 0\n"
+    )
+    whole.write_text(text)
+    cut.write_text(text[: text.index("POINT_DATA")])
+    asked: dict[str, Any] = {"scene": scene(), "unit": "m", "rays": 1000}
+    loaded = hp.flux(mesh=whole, **asked)
+    assert loaded.slopes is not None
+    assert loaded.warnings == []
+    flux = hp.flux(mesh=cut, **asked)
+    assert flux.slopes is None
+    assert flux.warnings == [f"{cut} holds no displacements: the mirror is as it was drawn"]
+    assert hp.flux(mesh=cut, method="unloaded", **asked).warnings == []
+    refused: list[tuple[type[hp.HelioError], str, dict[str, Any]]] = [
+        (hp.ConflictError, "cut.vtk: it holds no displacements of the nodes", {"displacements": cut}),
+        (hp.ConflictError, "a vector of the nodes named `displacement` is missing", {"vectors": "displacement"}),
+        (hp.OptionError, "pose wants displacements, and the mesh has none", {"method": "pose"}),
+    ]
+    for error, message, more in refused:
+        with pytest.raises(error, match=message):
+            hp.flux(mesh=cut, **more, **asked)
+    by_other = hp.flux(mesh=cut, displacements=whole, **asked)
+    assert by_other.flux_w_m2.tobytes() == loaded.flux_w_m2.tobytes()
+    scene_toml = tmp_path / "scene.toml"
+    scene_toml.write_text(
+        '[receiver]\nshape = "plane"\ncentre_m = [0, 0, 5]\nfacing = [0, 0, -1]\nwidth_m = 4\nheight_m = 4\n'
+    )
+    typed = [command_line, "flux", "--mesh", str(cut), "--unit", "m", "--scene", str(scene_toml), "--rays", "1000"]
+    for more_typed, code, message in (
+        ([], 0, "note: no displacements given: the mirror is as it was drawn"),
+        (["--displacements", str(cut)], 2, "it holds no displacements of the nodes"),
+        (["--method", "rigid"], 2, "cut.vtk has none: give --displacements"),
+        (["--slopes", str(tmp_path / "slopes.csv")], 2, "the mesh has no displacements"),
+    ):
+        done = subprocess.run([*typed, *more_typed], capture_output=True, text=True, check=False)
+        assert (done.returncode, message in done.stderr) == (code, True), done.stderr

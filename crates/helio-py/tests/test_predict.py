@@ -61,7 +61,7 @@ def test_what_is_wrong_is_named() -> None:
     with pytest.raises(hp.AngleError, match="elevation_rad"):
         hp.predict(field, [0.0] * 3, [0.0, np.inf, 0.0], 3.0, 0.8)
     with pytest.raises(hp.DataTypeError, match=r"^field: expected a Field"):
-        hp.predict(3, [0.0], [0.0], 3.0, 0.8)  # type: ignore[arg-type]
+        hp.predict(3, [0.0], [0.0], 3.0, 0.8)  # type: ignore[call-overload]
 
 
 def test_as_the_command_line_says_to_the_last_bit(

@@ -10,6 +10,7 @@ use crate::vector::{Vector, cross, dot, norm, scale, sub, unit};
 
 mod coincident;
 mod facets;
+mod kept;
 mod outer;
 
 pub use outer::LeftAside;

@@ -23,14 +23,14 @@ use crate::vector::{Vector, add, cross, dot, scale, sub, unit};
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frustum {
-    base_m: Vector,
+    pub(super) base_m: Vector,
     /// Toward the meridian of column 0, across it, and along the axis.
-    axes: [Vector; 3],
-    base_radius_m: f64,
-    end_radius_m: f64,
-    height_m: f64,
-    rows: usize,
-    columns: usize,
+    pub(super) axes: [Vector; 3],
+    pub(super) base_radius_m: f64,
+    pub(super) end_radius_m: f64,
+    pub(super) height_m: f64,
+    pub(super) rows: usize,
+    pub(super) columns: usize,
 }
 
 impl Frustum {

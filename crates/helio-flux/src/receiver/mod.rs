@@ -2,6 +2,7 @@
 
 mod frustum;
 mod mesh;
+mod numbers;
 mod plane;
 
 pub use frustum::Frustum;

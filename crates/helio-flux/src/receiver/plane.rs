@@ -20,14 +20,14 @@ use crate::vector::{Vector, add, cross, dot, norm, scale, sub};
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plane {
-    centre_m: Vector,
-    normal: Vector,
-    right: Vector,
-    down: Vector,
-    width_m: f64,
-    height_m: f64,
-    rows: usize,
-    columns: usize,
+    pub(super) centre_m: Vector,
+    pub(super) normal: Vector,
+    pub(super) right: Vector,
+    pub(super) down: Vector,
+    pub(super) width_m: f64,
+    pub(super) height_m: f64,
+    pub(super) rows: usize,
+    pub(super) columns: usize,
 }
 
 impl Plane {

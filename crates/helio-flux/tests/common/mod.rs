@@ -1,7 +1,7 @@
 //! What the tests of this crate share. Nothing here calls the crate's own geometry.
 #![allow(dead_code)]
 
-use helio_flux::{Element, FluxMap, Plane, Receiver};
+use helio_flux::{Element, FluxMap, OpticalError, Plane, Receiver, Scene, SunShape};
 
 pub type V = [f64; 3];
 
@@ -49,6 +49,22 @@ pub fn screen(bins: usize) -> Receiver {
     Receiver::Plane(
         Plane::new([0.0, 0.0, 100.0], down, [1.0, 0.0, 0.0], size, [bins, bins]).unwrap(),
     )
+}
+
+/// Mirrors without errors under a sun of 1000 W/m² overhead.
+pub fn scene<'a>(
+    elements: &'a [Element],
+    receiver: &'a Receiver,
+    sun_shape: &'a SunShape,
+) -> Scene<'a> {
+    Scene {
+        elements,
+        receiver,
+        sun: [0.0, 0.0, 1.0],
+        dni_w_m2: 1000.0,
+        sun_shape,
+        optical_error: OpticalError::NONE,
+    }
 }
 
 /// Root mean square of the differences, over the greatest of the second.

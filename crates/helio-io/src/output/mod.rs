@@ -46,6 +46,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod kept;
 mod parquet;
 mod plain;
 mod rows;
@@ -56,6 +57,7 @@ use std::path::Path;
 
 use helio_core::Status;
 
+pub use kept::kept_rows;
 pub use plain::{Cells, KeptCells, KeptColumns, write_columns, write_table};
 pub use sink::Destination;
 

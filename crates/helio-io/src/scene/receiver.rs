@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use helio_flux::mesh::MirrorOptions;
 use helio_flux::{Frustum, MeshReceiver, Plane, Receiver};
 
-use super::{MirrorPart, SceneOf, SceneUnit, conflict, direction, keys, refused, whole};
+use super::sections::{WHOLE, conflict, direction, refused};
+use super::{MirrorPart, SceneOf, SceneUnit, keys};
 use crate::error::{IoError, Problem, said};
 use crate::keys::Key;
 use crate::meshes::{MeshFiles, load_mesh};
@@ -67,7 +68,7 @@ fn point(section: &Section<'_>, key: &Key) -> Result<[f64; 3], IoError> {
 }
 
 fn grid(section: &Section<'_>) -> Result<[usize; 2], IoError> {
-    let count = |key| Ok::<usize, IoError>(whole(section, key)?.unwrap_or(BINS) as usize);
+    let count = |key| Ok::<usize, IoError>(section.whole(key, WHOLE)?.unwrap_or(BINS) as usize);
     Ok([count(&keys::ROWS)?, count(&keys::COLUMNS)?])
 }
 

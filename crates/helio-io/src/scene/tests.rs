@@ -1,3 +1,5 @@
+use helio_flux::Canting;
+
 use super::*;
 use crate::load_field;
 

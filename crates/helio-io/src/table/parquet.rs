@@ -54,7 +54,7 @@ impl Columns {
         }
     }
 
-    /// A text or a whole number; otherwise what was found.
+    /// A text or a whole number, nothing for a number that is none; otherwise what was found.
     pub(super) fn text(&self, row: usize, column: usize) -> Result<Option<Cow<'_, str>>, String> {
         match &self.0[column] {
             Column::Text(values) => Ok(values
@@ -63,6 +63,8 @@ impl Columns {
             Column::Integer(values) => Ok(values
                 .is_valid(row)
                 .then(|| Cow::Owned(values.value(row).to_string()))),
+            // What pandas makes of a column of text without any.
+            Column::Float(values) if values.is_null(row) || values.value(row).is_nan() => Ok(None),
             Column::Float(_) => Err("a column of fractional numbers".into()),
             Column::Time(_) => Err("a column of times".into()),
             Column::Other(kind) => Err(format!("a column of type {kind}")),

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 import numpy as np
 
-from helio_py._native import Field, _predict
+from helio_py._errors import OptionError
+from helio_py._native import Field, _angles, _landed_table, _predict
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -29,7 +30,29 @@ class Prediction(NamedTuple):
     #: What became of each row: uint8 numbers of ``Status``.
     status: NDArray[np.uint8]
 
+    def to_table(
+        self,
+        field: Field,
+        kind: str = "dict",
+        *,
+        times: Any | None = None,
+        sun_azimuth_rad: ArrayLike | None = None,
+        sun_elevation_rad: ArrayLike | None = None,
+    ) -> Any:
+        """The table that ``helio-rs predict`` writes, a row for each sun and heliostat, sun by sun.
 
+        Columns `time` (or `sun_azimuth_deg, sun_elevation_deg`), `id, u_m, v_m, east_m, north_m, up_m, beam_error_mrad,
+        status`; as "dict" (of arrays), "pandas", "polars" or "pyarrow". `field` and the suns are those of the call: one
+        of `times` and the two angles says which suns the rows are of.
+        """
+        return _landed_table(field, list(self), kind, times, sun_azimuth_rad, sun_elevation_rad, None)
+
+
+#: Cells of the arrays that rows of a table are sorted into at once.
+_CELLS = 1 << 20
+
+
+@overload
 def predict(
     field: Field,
     azimuth_rad: ArrayLike,
@@ -38,7 +61,19 @@ def predict(
     sun_elevation_rad: ArrayLike,
     *,
     times: Any | None = None,
-) -> Prediction:
+) -> Prediction: ...
+@overload
+def predict(field: Field, azimuth_rad: Any, /, *, kind: str | None = None) -> Any: ...
+def predict(
+    field: Field,
+    azimuth_rad: Any,
+    elevation_rad: Any = None,
+    sun_azimuth_rad: Any = None,
+    sun_elevation_rad: Any = None,
+    *,
+    times: Any | None = None,
+    kind: str | None = None,
+) -> Any:
     """Where the beam of each heliostat lands on its target, from axis angles.
 
     Shading and blocking are not computed. A heliostat that aims at a mere point has the plane through it that faces
@@ -54,10 +89,13 @@ def predict(
         Where the sun is seen [rad], as for ``track``.
     times : optional
         When each sun is seen, of the suns' shape. Only a calibration that changes with the date looks at it.
+    kind : str, optional
+        With a table of angles in the place of `azimuth_rad`, and nothing beside it: which kind of table is wanted back.
+        By default the kind of the one given.
 
     Returns
     -------
-    Prediction
+    Prediction or table
         Statuses are ``OK``, ``SUN_BELOW_HORIZON`` and ``MISSES_TARGET`` (also of rows without angles).
 
     Raises
@@ -66,6 +104,10 @@ def predict(
 
     Notes
     -----
+    A table of angles has the columns that ``helio-rs predict --angles`` takes, such as a Tracking's table has: `id`,
+    `azimuth_deg, elevation_deg` (or `axis1_steps, axis2_steps`), and `time` or `sun_azimuth_deg, sun_elevation_deg`. It
+    wants a field read from files; rows come back in its order, those without angles left aside.
+
     Guo 2015 eqs. (30) to (36); the numbers of ``helio-rs predict`` to the last bit.
 
     Examples
@@ -77,4 +119,63 @@ def predict(
     >>> abs(landed.beam_error_rad) < 1e-9
     array([ True])
     """
+    if all(given is None for given in (elevation_rad, sun_azimuth_rad, sun_elevation_rad, times)):
+        return _of_table(field, azimuth_rad, kind)
+    if kind is not None:
+        raise _refused("kind", "it is of a table of angles; a Prediction has to_table")
     return Prediction(*_predict(field, azimuth_rad, elevation_rad, sun_azimuth_rad, sun_elevation_rad, times))
+
+
+def _refused(name: str, message: str) -> OptionError:
+    error = OptionError(f"{name}: {message}")
+    error.field = name
+    return error
+
+
+def _of_table(field: Field, angles: Any, kind: str | None) -> Any:
+    """Row by row: rows of one sun that follow each other are predicted at once."""
+    from helio_py._tables import checked_kind, kind_of
+
+    wanted = kind_of(angles) if kind is None else checked_kind(kind)
+    read = _angles(field, angles)
+    heliostat, times = read["heliostat"], read.get("unix_ns")
+    moment: list[Any]
+    if times is not None:
+        stamps = times.view("datetime64[ns]")
+        sun = field.sun_position(stamps)
+        suns = np.stack([sun.azimuth_rad, sun.elevation_rad])
+        changed = times[1:] != times[:-1]
+        moment = [stamps, None, None]
+    elif "sun_azimuth_rad" in read:
+        suns = np.stack([read["sun_azimuth_rad"], read["sun_elevation_rad"]])
+        changed = (suns[:, 1:] != suns[:, :-1]).any(0)
+        moment = [None, suns[0].copy(), suns[1].copy()]
+    else:
+        raise _refused("azimuth_rad", "a table of angles wants a column time, or sun_azimuth_deg and sun_elevation_deg")
+    # A row of the arrays for each sun, or more where a heliostat comes again.
+    group = np.concatenate([[0], np.cumsum(changed)]) if len(heliostat) else np.zeros(0, dtype=np.int64)
+    rows = np.lexsort((np.arange(len(group)), heliostat, group))
+    again = np.zeros(len(group), dtype=np.int64)
+    same = (group[rows[1:]] == group[rows[:-1]]) & (heliostat[rows[1:]] == heliostat[rows[:-1]])
+    for before, row in zip(rows[:-1][same].tolist(), rows[1:][same].tolist(), strict=True):
+        again[row] = again[before] + 1
+    _, line = np.unique(np.stack([group, again]), axis=1, return_inverse=True)
+    line = line.reshape(-1)
+    lines = int(line.max()) + 1 if len(line) else 0
+    count = len(group)
+    columns: list[NDArray[Any]] = [np.full(shape, np.nan) for shape in (count, count, (count, 3), count)]
+    columns.append(np.zeros(count, dtype=np.uint8))
+    step = max(1, _CELLS // max(1, len(field)))
+    for first in range(0, lines, step):
+        here = np.flatnonzero((line >= first) & (line < first + step))
+        at = (line[here] - first, heliostat[here])
+        count = min(step, lines - first)
+        azimuth, elevation = np.full((2, count, len(field)), np.nan)
+        azimuth[at], elevation[at] = read["azimuth_rad"][here], read["elevation_rad"][here]
+        of_line = np.zeros(count, dtype=np.int64)
+        of_line[at[0]] = here
+        stamps_here = None if times is None else times[of_line].view("datetime64[ns]")
+        landed = _predict(field, azimuth, elevation, suns[0][of_line], suns[1][of_line], stamps_here)
+        for column, found in zip(columns, landed, strict=True):
+            column[here] = found[at]
+    return _landed_table(field, columns, wanted, moment[0], moment[1], moment[2], heliostat.tolist())

@@ -41,7 +41,7 @@ def taken(value: Any, what: str) -> Any:
         return value._table_columns
     if hasattr(value, "__arrow_c_stream__"):
         try:
-            return value.__arrow_c_stream__()
+            return _with_typed_columns(value).__arrow_c_stream__()
         except ImportError:  # pandas without pyarrow
             return taken({str(name): value[name] for name in value.columns}, what)
     error = DataTypeError(
@@ -49,6 +49,15 @@ def taken(value: Any, what: str) -> Any:
     )
     error.field = what
     raise error
+
+
+def _with_typed_columns(value: Any) -> Any:
+    """Columns of polars that hold nothing at all, made text: as they are its stream is not one that others read."""
+    if kind_of(value) != "polars" or not hasattr(value, "schema"):
+        return value
+    library = importlib.import_module("polars")
+    empty = [name for name, holds in value.schema.items() if holds == library.Null]
+    return value.with_columns(library.col(empty).cast(library.String)) if empty else value
 
 
 def _of_one_length(columns: dict[Any, Any], what: str) -> dict[str, Any]:

@@ -1,7 +1,6 @@
 //! `Flux`: the irradiance of a receiver, and where the rest of the light went.
 
 use std::ffi::OsStr;
-use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use helio_core::Status;
@@ -9,16 +8,17 @@ use helio_flux::deform::{write_csv, write_vtk as write_slopes_vtk};
 use helio_flux::map::write_vtk;
 use helio_flux::mesh::Mirror;
 use helio_flux::{FluxMap, Receiver};
-use helio_io::output::{Destination, Format};
-use helio_io::{AtomicFile, FluxScene, IoError, write_flux_map};
+use helio_io::output::{Destination, Format, KeptColumns};
+use helio_io::{DeformedMirror, FluxScene, write_file_with, write_flux_map};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::PyDict;
 
-use super::mesh::Shape;
+use super::kept::{self, Kept};
 use crate::array::owned;
 use crate::failure::Failure;
 use crate::guard::guarded;
+use crate::table::given_back;
 
 /// Irradiance of every bin of a receiver, and where the rest of the light went: what `flux` returns.
 ///
@@ -27,48 +27,51 @@ use crate::guard::guarded;
 /// the mirrors: that of the model for a mesh, east, north, up for a field.
 #[pyclass(frozen, name = "Flux", module = "helio_py")]
 pub(crate) struct PyFlux {
-    receiver: Receiver,
-    map: FluxMap,
-    dni_w_m2: f64,
-    axes: [&'static str; 3],
-    status: Option<Vec<u8>>,
-    slopes: Option<(Shape, Mirror)>,
-    warnings: Vec<String>,
+    pub(super) receiver: Receiver,
+    pub(super) map: FluxMap,
+    pub(super) dni_w_m2: f64,
+    pub(super) status: Option<Vec<u8>>,
+    pub(super) slopes: Option<(DeformedMirror, Mirror)>,
+    pub(super) warnings: Vec<String>,
 }
+
+/// Names of the axes of a field's frame, and of that of a mesh.
+const OF_FIELD: [&str; 3] = ["east_m", "north_m", "up_m"];
+const OF_MESH: [&str; 3] = ["x_m", "y_m", "z_m"];
 
 impl PyFlux {
     pub(super) fn of_field(scene: FluxScene, map: FluxMap, status: Vec<Status>) -> Self {
         let status = status.into_iter().map(|status| status as u8).collect();
-        let axes = ["east_m", "north_m", "up_m"];
-        Self::new(scene, map, axes, Some(status), Vec::new())
+        Self::new(scene, map, Some(status), Vec::new())
     }
 
     pub(super) fn of_mesh(scene: FluxScene, map: FluxMap, warnings: Vec<String>) -> Self {
-        Self::new(scene, map, ["x_m", "y_m", "z_m"], None, warnings)
+        Self::new(scene, map, None, warnings)
     }
 
-    fn new(
-        scene: FluxScene,
-        map: FluxMap,
-        axes: [&'static str; 3],
-        status: Option<Vec<u8>>,
-        more: Vec<String>,
-    ) -> Self {
+    fn new(scene: FluxScene, map: FluxMap, status: Option<Vec<u8>>, more: Vec<String>) -> Self {
         let mut warnings = scene.warnings;
         warnings.extend(more);
         Self {
             receiver: scene.receiver,
             map,
             dni_w_m2: scene.sun.dni_w_m2,
-            axes,
             status,
             slopes: None,
             warnings,
         }
     }
 
-    pub(super) fn add_slopes(&mut self, shape: Option<Shape>, mirror: Mirror) {
-        self.slopes = shape.map(|shape| (shape, mirror));
+    pub(super) fn add_slopes(&mut self, slopes: Option<(DeformedMirror, Mirror)>) {
+        self.slopes = slopes;
+    }
+
+    fn axes(&self) -> [&'static str; 3] {
+        if self.status.is_some() {
+            OF_FIELD
+        } else {
+            OF_MESH
+        }
     }
 
     fn grid(&self) -> [usize; 2] {
@@ -224,33 +227,22 @@ impl PyFlux {
         self.warnings.clone()
     }
 
-    /// The map as columns, a row for each bin: a dict of arrays `row, column, u_m, v_m`, the middle of the bin (`x_m,
-    /// y_m, z_m` for a mesh, `east_m, north_m, up_m` for a field), `area_m2, flux_w_m2`. pandas, polars and pyarrow
-    /// make a table of it as it is.
-    fn to_table<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+    /// The table that `helio-rs flux --out` writes, a row for each bin: `row, column, u_m, v_m`, the middle of the bin
+    /// (`x_m, y_m, z_m` for a mesh, `east_m, north_m, up_m` for a field), `area_m2, flux_w_m2`; as "dict" (of arrays),
+    /// "pandas", "polars" or "pyarrow".
+    #[pyo3(signature = (kind="dict"))]
+    fn to_table<'py>(&self, py: Python<'py>, kind: &str) -> PyResult<Bound<'py, PyAny>> {
         guarded(|| {
-            let bins = self.receiver.bins();
-            let columns = self.receiver.columns();
-            let whole = |of: fn(usize, usize) -> usize| {
-                let cell = |bin| i64::try_from(of(bin, columns)).unwrap_or(i64::MAX);
-                owned(py, (0..bins).map(cell).collect(), &[bins])
-            };
-            let table = PyDict::new(py);
-            table.set_item("row", whole(|bin, columns| bin / columns)?)?;
-            table.set_item("column", whole(|bin, columns| bin % columns)?)?;
-            let numbers =
-                |of: &dyn Fn(usize) -> f64| owned(py, (0..bins).map(of).collect(), &[bins]);
-            table.set_item("u_m", numbers(&self.uv_m(0))?)?;
-            table.set_item("v_m", numbers(&self.uv_m(1))?)?;
-            for (axis, name) in self.axes.into_iter().enumerate() {
-                table.set_item(name, numbers(&|bin| self.receiver.bin_centre_m(bin)[axis])?)?;
-            }
-            table.set_item("area_m2", numbers(&|bin| self.receiver.bin_area_m2(bin))?)?;
-            table.set_item(
-                "flux_w_m2",
-                numbers(&|bin| self.map.irradiance_w_m2()[bin])?,
+            let kept = KeptColumns::default();
+            let destination = Destination::Columns(kept.clone());
+            write_flux_map(
+                destination,
+                Format::Csv,
+                &self.receiver,
+                &self.map,
+                self.axes(),
             )?;
-            Ok(table)
+            given_back(py, kept.take(), kind)
         })
     }
 
@@ -261,7 +253,8 @@ impl PyFlux {
         guarded(|| {
             py.detach(|| {
                 if suffix_is(&path, "vtk") {
-                    return whole(&path, |out| write_vtk(out, &self.receiver, &self.map));
+                    write_file_with(&path, |out| write_vtk(out, &self.receiver, &self.map))?;
+                    return Ok(());
                 }
                 let Some(format) = Format::of_path(&path) else {
                     let message = format!(
@@ -271,7 +264,7 @@ impl PyFlux {
                     return Err(Failure::of("OptionError", "path", message));
                 };
                 let destination = Destination::File(path);
-                write_flux_map(destination, format, &self.receiver, &self.map, self.axes)?;
+                write_flux_map(destination, format, &self.receiver, &self.map, self.axes())?;
                 Ok(())
             })
         })
@@ -287,15 +280,40 @@ impl PyFlux {
             };
             py.detach(|| {
                 if suffix_is(&path, "vtk") {
-                    whole(&path, |out| write_slopes_vtk(out, mirror, &shape.slopes))
+                    write_file_with(&path, |out| write_slopes_vtk(out, mirror, &shape.slopes))?;
                 } else if suffix_is(&path, "csv") {
-                    whole(&path, |out| write_csv(out, &shape.deformed, &shape.slopes))
+                    write_file_with(&path, |out| write_csv(out, &shape.deformed, &shape.slopes))?;
                 } else {
                     let message = format!("{}: wanted .csv or .vtk", path.display());
-                    Err(Failure::of("OptionError", "path", message))
+                    return Err(Failure::of("OptionError", "path", message));
                 }
+                Ok(())
             })
         })
+    }
+
+    /// What it holds, as numbers and arrays: the same to the last bit after a journey to another process.
+    fn __reduce__<'py>(
+        slf: &Bound<'py, Self>,
+    ) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyDict>,))> {
+        let kept = guarded(|| kept::kept(slf.py(), slf.get()))?;
+        Ok((slf.get_type().getattr("_from_kept")?, (kept,)))
+    }
+
+    /// What `__reduce__` handed over.
+    #[staticmethod]
+    fn _from_kept(kept: Kept) -> PyResult<Self> {
+        guarded(|| kept.flux())
+    }
+
+    /// Itself: a flux does not change.
+    fn __copy__(slf: Py<Self>) -> Py<Self> {
+        slf
+    }
+
+    /// Itself.
+    fn __deepcopy__(slf: Py<Self>, _memo: &Bound<'_, PyAny>) -> Py<Self> {
+        slf
     }
 
     fn __repr__(&self) -> String {
@@ -310,18 +328,4 @@ impl PyFlux {
 fn suffix_is(path: &Path, wanted: &str) -> bool {
     let suffix = path.extension().map(OsStr::to_ascii_lowercase);
     suffix.is_some_and(|suffix| suffix == wanted)
-}
-
-/// Writes a file that appears whole or not at all.
-fn whole(
-    path: &Path,
-    write: impl FnOnce(&mut BufWriter<&mut AtomicFile>) -> std::io::Result<()>,
-) -> Result<(), Failure> {
-    let mut file = AtomicFile::create(path)?;
-    let mut out = BufWriter::new(&mut file);
-    write(&mut out)
-        .and_then(|()| out.flush())
-        .map_err(|error| IoError::write(path, error))?;
-    drop(out);
-    Ok(file.finish()?)
 }

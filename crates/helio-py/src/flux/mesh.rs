@@ -2,13 +2,10 @@
 
 use std::path::PathBuf;
 
-use helio_flux::Element;
-use helio_flux::deform::{
-    DeformError, Deformed, PoseFit, SlopeErrors, reconstruct_poses, substitute_elements,
-};
-use helio_flux::mesh::{Mesh, Mirror, MirrorOptions};
+use helio_flux::mesh::{Mesh, Mirror};
 use helio_io::{
-    FluxScene, MatchedNodes, MeshFiles, MirrorPart, SceneOf, SceneUnit, displace_mesh, load_mesh,
+    DeformMethod, DeformedMirror, FluxScene, MatchedNodes, MirrorPart, SceneOf, SceneUnit,
+    Structure, StructureFiles,
 };
 use pyo3::prelude::*;
 
@@ -81,16 +78,17 @@ pub(crate) fn _flux_mesh(
             None => None,
         };
         watched(py, progress.as_ref(), |watch| {
+            let method = method_of(&asked.method)?;
             let scene = scene.read(SceneOf::Mesh)?;
             let sun = scene.sun.toward.unwrap_or([0.0, 0.0, 1.0]);
             let read = Read::of(&asked, given, &scene)?;
-            let shape = Shape::of(&read, &asked.method, scene.mirror.axis)?;
+            let shape = DeformedMirror::of(&read.mirror, method, scene.mirror.axis)?;
             let elements = shape.elements(scene.mirror.reflectivity)?;
             let map = scene.light(&elements, sun, 0, watch)?;
             let map = map.ok_or_else(stopped)?;
             let mut flux = PyFlux::of_mesh(scene, map, read.warnings);
-            let unloaded = shape.unloaded;
-            flux.add_slopes((read.loaded && !unloaded).then_some(shape), read.mirror);
+            let bent = read.loaded && method != DeformMethod::Unloaded;
+            flux.add_slopes(bent.then_some((shape, read.mirror)));
             Ok(flux)
         })?
     })
@@ -107,34 +105,32 @@ struct Read {
 impl Read {
     fn of(asked: &MeshAsked, given: Option<Mesh>, scene: &FluxScene) -> Result<Self, Failure> {
         let mut warnings = Vec::new();
-        let mut mesh = match given {
-            Some(mesh) => mesh,
+        let mut structure = match given {
+            Some(mesh) => Structure::of(mesh, Vec::new()),
             None => asked.load(scene, &mut warnings)?,
         };
-        let loaded = mesh.displacement_m().is_some();
-        if !loaded {
-            if !matches!(asked.method.as_str(), "elements" | "unloaded") {
-                let message = format!(
-                    "{} wants displacements, and the mesh has none",
-                    asked.method
-                );
-                return Err(Failure::of("OptionError", "method", message));
-            }
-            // Nothing moves: the mirror as it was drawn.
-            mesh.set_displacements_m(vec![[0.0; 3]; mesh.node_ids().len()])?;
+        let loaded = structure.loaded;
+        if !loaded && !matches!(asked.method.as_str(), "elements" | "unloaded") {
+            let message = format!(
+                "{} wants displacements, and the mesh has none",
+                asked.method
+            );
+            return Err(Failure::of("OptionError", "method", message));
         }
-        warnings.extend(mesh.faults().to_string().lines().map(str::to_owned));
+        warnings.extend(
+            structure
+                .mesh
+                .faults()
+                .to_string()
+                .lines()
+                .map(str::to_owned),
+        );
         let part = match (&asked.surface, &asked.element_set) {
             (Some(name), _) => MirrorPart::Surface(name.clone()),
             (None, Some(name)) => MirrorPart::ElementSet(name.clone()),
             (None, None) => scene.mirror.part.clone(),
         };
-        let sun = scene.sun.toward.unwrap_or([0.0, 0.0, 1.0]);
-        let mut options = MirrorOptions::toward(sun)?;
-        if let Some(crease_rad) = scene.mirror.crease_rad {
-            options = options.with_crease_rad(crease_rad)?;
-        }
-        let mirror = mesh.mirror(&part.pick(), &options)?;
+        let mirror = structure.mirror(&part, scene)?;
         for (fault, what) in [
             (mirror.unusable(), "without a face of their own"),
             (
@@ -162,12 +158,12 @@ impl Read {
 }
 
 impl MeshAsked {
-    fn load(&self, scene: &FluxScene, warnings: &mut Vec<String>) -> Result<Mesh, Failure> {
+    fn load(&self, scene: &FluxScene, warnings: &mut Vec<String>) -> Result<Structure, Failure> {
         let Some(model) = &self.model else {
             return Err(Failure::of("OptionError", "mesh", "there is none"));
         };
         let unit = match self.unit.as_deref() {
-            None => scene.mirror.unit,
+            None => None,
             Some("m") => Some(SceneUnit::Metre),
             Some("cm") => Some(SceneUnit::Centimetre),
             Some("mm") => Some(SceneUnit::Millimetre),
@@ -177,25 +173,31 @@ impl MeshAsked {
                 return Err(Failure::of("OptionError", "unit", message));
             }
         };
-        let metres_per_unit = unit.map(SceneUnit::metres);
-        let vectors = self.vectors.as_deref();
-        let loaded = load_mesh(&MeshFiles {
-            mesh: model,
-            elements: self.elements.as_deref(),
-            metres_per_unit,
-            vectors,
-        })?;
-        let mut mesh = loaded.mesh;
-        if let Some(path) = &self.displacements {
-            let matched = displace_mesh(&mut mesh, path, self.step, metres_per_unit, vectors)?;
-            of_nodes(&matched, warnings);
-        } else if mesh.displacement_m().is_none() && !mesh.other_vectors().is_empty() {
+        let structure = Structure::load(
+            &StructureFiles {
+                mesh: model,
+                elements: self.elements.as_deref(),
+                displacements: self.displacements.as_deref(),
+                step: self.step,
+                vectors: self.vectors.as_deref(),
+                unit,
+            },
+            scene,
+        )?;
+        of_nodes(&structure.matched, warnings);
+        let others = structure.mesh.other_vectors();
+        if !structure.loaded && others.is_empty() && self.method != "unloaded" {
             warnings.push(format!(
-                "vectors of the nodes are named {:?}, and none is taken for displacements: vectors= says which is",
-                mesh.other_vectors()
+                "{} holds no displacements: the mirror is as it was drawn",
+                model.display()
             ));
         }
-        Ok(mesh)
+        if !structure.loaded && !others.is_empty() {
+            warnings.push(format!(
+                "vectors of the nodes are named {others:?}, and none is taken for displacements: vectors= says which is"
+            ));
+        }
+        Ok(structure)
     }
 }
 
@@ -213,46 +215,10 @@ fn of_nodes(matched: &MatchedNodes, warnings: &mut Vec<String>) {
     }
 }
 
-/// The mirror as one method puts it, and what it says of the slopes.
-pub(super) struct Shape {
-    pub(super) deformed: Deformed,
-    pub(super) slopes: SlopeErrors,
-    unloaded: bool,
+/// The method of a word.
+pub(super) fn method_of(word: &str) -> Result<DeformMethod, Failure> {
+    DeformMethod::from_word(word).ok_or_else(|| {
+        let message = format!("wanted elements, pose, rigid or unloaded, got `{word}`");
+        Failure::of("OptionError", "method", message)
+    })
 }
-
-impl Shape {
-    fn of(read: &Read, method: &str, axis: Option<[f64; 3]>) -> Result<Self, Failure> {
-        let poses = |fit| reconstruct_poses(&read.mirror, fit).map(|(deformed, _)| deformed);
-        let deformed = match method {
-            "elements" | "unloaded" => substitute_elements(&read.mirror)?,
-            "pose" => poses(PoseFit::ThreePoints)?,
-            "rigid" => poses(PoseFit::LeastSquares)?,
-            _ => {
-                let message = format!("wanted elements, pose, rigid or unloaded, got `{method}`");
-                return Err(Failure::of("OptionError", "method", message));
-            }
-        };
-        let slopes = match (axis, SlopeErrors::new(&deformed, axis.unwrap_or(X))) {
-            (None, Err(DeformError::BadAxis { .. })) => SlopeErrors::new(&deformed, Y)?,
-            (_, slopes) => slopes?,
-        };
-        Ok(Self {
-            deformed,
-            slopes,
-            unloaded: method == "unloaded",
-        })
-    }
-
-    fn elements(&self, reflectivity: f64) -> Result<Vec<Element>, Failure> {
-        let of = |element: &Element| element.with_reflectivity(reflectivity);
-        let elements: Result<Vec<_>, _> = if self.unloaded {
-            self.deformed.ideal().iter().map(of).collect()
-        } else {
-            self.deformed.loaded().iter().flatten().map(of).collect()
-        };
-        Ok(elements?)
-    }
-}
-
-const X: [f64; 3] = [1.0, 0.0, 0.0];
-const Y: [f64; 3] = [0.0, 1.0, 0.0];

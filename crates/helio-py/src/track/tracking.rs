@@ -4,6 +4,8 @@ use std::ffi::{c_int, c_void};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use helio_core::Status;
+use helio_io::LoadedField;
+use helio_io::output::{Number, Scale};
 use numpy::npyffi::{NPY_ARRAY_CARRAY, NpyTypes, PY_ARRAY_API, get_type_object};
 use numpy::{Element, PyArrayDescrMethods, PyUntypedArray};
 use pyo3::prelude::*;
@@ -11,7 +13,9 @@ use pyo3::types::PyTuple;
 
 use crate::array::{Numbers, shape_text, wrong_shape};
 use crate::failure::Failure;
+use crate::field::PyField;
 use crate::guard::guarded;
+use crate::rows::{KeptMoment, table};
 use crate::slab::{Double, Slab};
 
 /// Axis angles of a field for one sun or many, as columns.
@@ -249,6 +253,69 @@ impl PyTracking {
             return format!("<Tracking {shape}>");
         }
         format!("<Tracking {shape}: {}>", statuses.join(", "))
+    }
+
+    /// The table that `helio-rs track` writes, a row for each sun and heliostat, sun by sun.
+    ///
+    /// Columns `time` (or `sun_azimuth_deg, sun_elevation_deg`), `id, azimuth_deg, elevation_deg, incidence_deg,
+    /// limit_excess_deg`, with drives also `axis1_steps, axis2_steps`, and `status`.
+    ///
+    /// Parameters
+    /// ----------
+    /// field : Field
+    ///     The one that was tracked.
+    /// kind : str, default "dict"
+    ///     "dict" (of arrays), "pandas", "polars" or "pyarrow".
+    /// times : optional
+    ///     When each sun was seen, as for `sun_position`; or else
+    /// sun_azimuth_rad, sun_elevation_rad : float or array of shape (m,), optional
+    ///     where, as `track` was given it [rad].
+    #[pyo3(signature = (field, kind="dict", *, times=None, sun_azimuth_rad=None, sun_elevation_rad=None))]
+    fn to_table<'py>(
+        &self,
+        field: &Bound<'py, PyAny>,
+        kind: &str,
+        times: Option<&Bound<'py, PyAny>>,
+        sun_azimuth_rad: Option<&Bound<'py, PyAny>>,
+        sun_elevation_rad: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        guarded(|| {
+            let inner = PyField::of(field)?.get().inner();
+            if inner.len() != self.heliostats {
+                let wanted = shape_text(&[self.heliostats]);
+                return Err(wrong_shape("field", &wanted, &[inner.len()]));
+            }
+            let moment = KeptMoment::of(times, sun_azimuth_rad, sun_elevation_rad, self.suns)?;
+            let _busy = self.occupy()?;
+            let names = ["azimuth_deg", "elevation_deg", "incidence_deg"];
+            let mut numbers = names.map(Number::degrees).to_vec();
+            numbers.push(Number::degrees("limit_excess_deg").also(Status::OutsideLimits));
+            let columns = [
+                Double::Axis1,
+                Double::Axis2,
+                Double::Incidence,
+                Double::LimitExcess,
+            ];
+            let mut columns = columns.map(|column| self.copied(column)).to_vec();
+            if inner.loaded().is_some_and(LoadedField::has_drives) {
+                for (axis, name) in ["axis1_steps", "axis2_steps"].into_iter().enumerate() {
+                    let steps = |(row, &angle): (usize, &f64)| {
+                        let drive = inner.drives(row % self.heliostats)[axis];
+                        drive
+                            .and_then(|drive| drive.steps(angle))
+                            .unwrap_or(f64::NAN)
+                    };
+                    let steps = columns[axis].iter().enumerate().map(steps).collect();
+                    columns.push(steps);
+                    numbers.push(Number::new(name, Scale::Whole));
+                }
+            }
+            let status = self.statuses().into_iter();
+            // Codes are our own.
+            let status: Vec<Status> = status.filter_map(Status::from_code).collect();
+            let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+            table(field, kind, &moment, numbers, &columns, &status, None)
+        })
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {

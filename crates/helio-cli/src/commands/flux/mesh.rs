@@ -3,17 +3,15 @@
 use std::path::{Path, PathBuf};
 
 use helio_flux::FluxMap;
-use helio_flux::mesh::{Fault, Faults, Mesh, Mirror, MirrorOptions};
-use helio_io::{
-    FluxScene, MatchedNodes, MeshFiles, MirrorPart, SceneOf, SceneUnit, displace_mesh, load_mesh,
-};
+use helio_flux::mesh::{Fault, Faults, Mesh, Mirror};
+use helio_io::{FluxScene, MatchedNodes, MirrorPart, SceneOf, Structure, StructureFiles};
 use helio_report::flux::slope_figure;
 use serde_json::{Value, json};
 
 use super::arrival::Arrival;
 use super::outputs::{self, Outputs};
 use super::plots::{self, Plot};
-use super::shapes::Shapes;
+use super::shapes::{self, Shapes};
 use super::summary;
 use super::way::Taken;
 use crate::Outcome;
@@ -106,24 +104,21 @@ impl Read {
         printer: &Printer,
     ) -> Result<Self, Failure> {
         let typed = &args.structure;
-        let unit = typed.unit.map(Into::into).or(scene.mirror.unit);
-        let metres_per_unit = unit.map(SceneUnit::metres);
-        let vectors = typed.vectors.as_deref();
-        let loaded = load_mesh(&MeshFiles {
-            mesh: model,
-            elements: typed.elements.as_deref(),
-            metres_per_unit,
-            vectors,
-        })?;
-        let (mut mesh, mut files) = (loaded.mesh, loaded.files);
-        let mut matched = MatchedNodes::default();
+        let mut structure = Structure::load(
+            &StructureFiles {
+                mesh: model,
+                elements: typed.elements.as_deref(),
+                displacements: typed.displacements.as_deref(),
+                step: typed.step,
+                vectors: typed.vectors.as_deref(),
+                unit: typed.unit.map(Into::into),
+            },
+            scene,
+        )?;
         if let Some(path) = &typed.displacements {
-            files.push(path.clone());
-            matched = displace_mesh(&mut mesh, path, typed.step, metres_per_unit, vectors)?;
-            warn_of_nodes(path, &matched, printer);
+            warn_of_nodes(path, &structure.matched, printer);
         }
-        let loaded = mesh.displacement_m().is_some();
-        if !loaded {
+        if !structure.loaded {
             if !matches!(typed.method, DeformWord::Elements | DeformWord::Unloaded) {
                 return Err(Failure::refused(format!(
                     "--method {} wants displacements, and {} has none: give --displacements",
@@ -131,11 +126,9 @@ impl Read {
                     model.display()
                 )));
             }
-            warn_of_vectors(model, &mesh, printer);
-            // Nothing moves: the mirror as it was drawn.
-            mesh.set_displacements_m(vec![[0.0; 3]; mesh.node_ids().len()])?;
+            warn_of_vectors(model, &structure.mesh, printer);
         }
-        for line in mesh.faults().to_string().lines() {
+        for line in structure.mesh.faults().to_string().lines() {
             printer.warn(format_args!("{}: {line}", model.display()));
         }
         let part = match (&typed.surface, &typed.element_set) {
@@ -143,18 +136,9 @@ impl Read {
             (None, Some(name)) => MirrorPart::ElementSet(name.clone()),
             (None, None) => scene.mirror.part.clone(),
         };
-        let named = |error: &dyn std::fmt::Display| {
-            Failure::refused(format!("{}: {error}", model.display()))
-        };
-        let mut options = MirrorOptions::toward(sun(scene)).map_err(|error| named(&error))?;
-        if let Some(crease_rad) = scene.mirror.crease_rad {
-            options = options
-                .with_crease_rad(crease_rad)
-                .map_err(|error| named(&error))?;
-        }
-        let mirror = mesh
-            .mirror(&part.pick(), &options)
-            .map_err(|error| named(&error))?;
+        let mirror = structure
+            .mirror(&part, scene)
+            .map_err(|error| Failure::refused(format!("{}: {error}", model.display())))?;
         for (fault, what) in [
             (
                 mirror.unusable(),
@@ -178,12 +162,12 @@ impl Read {
         }
         warn_of_aside(model, &mirror, printer);
         Ok(Self {
-            mesh,
+            mesh: structure.mesh,
             mirror,
             part,
-            loaded,
-            matched,
-            files,
+            loaded: structure.loaded,
+            matched: structure.matched,
+            files: structure.files,
         })
     }
 
@@ -383,7 +367,7 @@ fn plot<'a>(
         ..Plot::default()
     };
     if let Some(slopes) = shapes.traced_slopes() {
-        let title = format!("Slope errors {}", shapes.traced().by());
+        let title = format!("Slope errors {}", shapes::by(shapes.traced().method));
         let figure = slope_figure(&shapes.traced().deformed, slopes, sun(scene), &title)?;
         let caption = "Slope errors of the mirror in total and by axis, and how far its faces moved, seen along the sun.";
         plot.figures.push((figure, caption.to_owned()));

@@ -1,11 +1,10 @@
 //! Where results of `flux` go.
 
-use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use helio_flux::{FluxMap, Receiver};
 use helio_io::output::{Cells, Destination, Format, write_columns};
-use helio_io::{AtomicFile, IoError, write_file, write_flux_map};
+use helio_io::{AtomicFile, write_file, write_file_with, write_flux_map};
 use serde_json::Value;
 
 use super::summary::text_of;
@@ -123,7 +122,10 @@ impl<'a> Outputs<'a> {
             return Ok(());
         };
         match self.format {
-            MapFormat::Vtk => whole(path, |out| helio_flux::map::write_vtk(out, receiver, map)),
+            MapFormat::Vtk => {
+                let write = |out: &mut AtomicFile| helio_flux::map::write_vtk(out, receiver, map);
+                Ok(write_file_with(path, write)?)
+            }
             MapFormat::Table(format) => {
                 let destination = Self::destination(path, printer);
                 write_flux_map(destination, format, receiver, map, axes)?;
@@ -176,20 +178,6 @@ impl<'a> Outputs<'a> {
     }
 }
 
-/// Writes a file that appears whole or not at all.
-pub(super) fn whole(
-    path: &Path,
-    write: impl FnOnce(&mut BufWriter<&mut AtomicFile>) -> std::io::Result<()>,
-) -> Result<(), Failure> {
-    let mut file = AtomicFile::create(path)?;
-    let mut out = BufWriter::new(&mut file);
-    write(&mut out)
-        .and_then(|()| out.flush())
-        .map_err(|error| IoError::write(path, error))?;
-    drop(out);
-    Ok(file.finish()?)
-}
-
 /// Writes slope errors by the suffix of their file.
 pub(super) fn slopes(
     path: &Path,
@@ -197,11 +185,12 @@ pub(super) fn slopes(
     slopes: &helio_flux::deform::SlopeErrors,
     mirror: &helio_flux::mesh::Mirror,
 ) -> Result<(), Failure> {
-    whole(path, |out| {
+    write_file_with(path, |out| {
         if suffix_is(path, &["vtk"]) {
             helio_flux::deform::write_vtk(out, mirror, slopes)
         } else {
             helio_flux::deform::write_csv(out, deformed, slopes)
         }
-    })
+    })?;
+    Ok(())
 }

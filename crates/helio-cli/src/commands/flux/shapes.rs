@@ -1,10 +1,8 @@
 //! A mirror without its load and with it, by every method, and what they say of its slopes.
 
 use helio_flux::Element;
-use helio_flux::deform::{
-    DeformError, Deformed, Extreme, FaceStatus, FacetPose, PoseFit, PoseStatus, SlopeErrors,
-    reconstruct_poses, substitute_elements,
-};
+use helio_flux::deform::{Extreme, FaceStatus, FacetPose, PoseStatus, SlopeErrors};
+use helio_io::{DeformMethod, DeformedMirror};
 use helio_report::flux::Table;
 use serde_json::{Map, Value, json};
 
@@ -13,18 +11,10 @@ use crate::args::DeformWord;
 use crate::failure::Failure;
 use crate::printer::{Counted, Grouped, Printer};
 
-/// A mirror as one method puts it, and what it says of the slopes.
-pub(super) struct Shape {
-    name: &'static str,
-    pub(super) deformed: Deformed,
-    pub(super) slopes: SlopeErrors,
-    poses: Vec<FacetPose>,
-}
-
 /// The mirror by every method.
 pub(super) struct Shapes {
     /// By elements, and with displacements also by three points and by least squares.
-    all: Vec<Shape>,
+    all: Vec<DeformedMirror>,
     pub(super) method: DeformWord,
     loaded: bool,
     axis: [f64; 3],
@@ -37,30 +27,12 @@ impl Shapes {
         method: DeformWord,
         axis: Option<[f64; 3]>,
     ) -> Result<Self, Failure> {
-        let elements = substitute_elements(&read.mirror)?;
-        let (axis, slopes) = match (axis, SlopeErrors::new(&elements, axis.unwrap_or(X))) {
-            (None, Err(DeformError::BadAxis { .. })) => (Y, SlopeErrors::new(&elements, Y)?),
-            (axis, slopes) => (axis.unwrap_or(X), slopes?),
-        };
-        let mut all = vec![Shape {
-            name: "elements",
-            deformed: elements,
-            slopes,
-            poses: Vec::new(),
-        }];
+        let elements = DeformedMirror::of(&read.mirror, DeformMethod::Elements, axis)?;
+        let axis = elements.axis;
+        let mut all = vec![elements];
         if read.loaded {
-            for (name, fit) in [
-                ("pose", PoseFit::ThreePoints),
-                ("rigid", PoseFit::LeastSquares),
-            ] {
-                let (deformed, poses) = reconstruct_poses(&read.mirror, fit)?;
-                let slopes = SlopeErrors::new(&deformed, axis)?;
-                all.push(Shape {
-                    name,
-                    deformed,
-                    slopes,
-                    poses,
-                });
+            for method in [DeformMethod::Pose, DeformMethod::Rigid] {
+                all.push(DeformedMirror::of(&read.mirror, method, Some(axis))?);
             }
         }
         Ok(Self {
@@ -73,7 +45,7 @@ impl Shapes {
     }
 
     /// The one that is traced.
-    pub(super) fn traced(&self) -> &Shape {
+    pub(super) fn traced(&self) -> &DeformedMirror {
         let row = match self.method {
             DeformWord::Elements | DeformWord::Unloaded => 0,
             DeformWord::Pose => 1,
@@ -89,14 +61,12 @@ impl Shapes {
     }
 
     pub(super) fn elements(&self, reflectivity: f64) -> Result<Vec<Element>, Failure> {
-        let deformed = &self.traced().deformed;
-        let of = |element: &Element| element.with_reflectivity(reflectivity);
-        let elements: Result<Vec<_>, _> = if self.method == DeformWord::Unloaded {
-            deformed.ideal().iter().map(of).collect()
+        let traced = self.traced();
+        Ok(if self.method == DeformWord::Unloaded {
+            traced.ideal_elements(reflectivity)?
         } else {
-            deformed.loaded().iter().flatten().map(of).collect()
-        };
-        Ok(elements?)
+            traced.elements(reflectivity)?
+        })
     }
 
     /// Faces that are not traced.
@@ -129,12 +99,15 @@ impl Shapes {
         }
         for shape in &self.all {
             let Some(most) = shape.slopes.max() else {
-                printer.warn(format_args!("by {}: no face can be told", shape.name));
+                printer.warn(format_args!(
+                    "by {}: no face can be told",
+                    shape.method.as_str()
+                ));
                 continue;
             };
             printer.say(format_args!(
                 "slope errors by {}: {:.3} mrad rms by area, largest {:.3} mrad at element {}",
-                shape.name,
+                shape.method.as_str(),
                 1e3 * shape.slopes.rms_rad(),
                 1e3 * most.value,
                 most.element
@@ -147,7 +120,7 @@ impl Shapes {
                 printer.say(format_args!(
                     "by {} normals differ by at most {:.3} mrad from those by elements (element {element}); facet {} \
                      is farthest from rigid, {:.1} µm rms",
-                    shape.name,
+                    shape.method.as_str(),
                     1e3 * apart_rad,
                     worst.facet,
                     1e6 * worst.rms_m
@@ -170,7 +143,7 @@ impl Shapes {
     }
 
     /// The largest angle between normals by a method and by elements \[rad\], and its element.
-    fn apart(&self, shape: &Shape) -> Option<(f64, u64)> {
+    fn apart(&self, shape: &DeformedMirror) -> Option<(f64, u64)> {
         let elements = &self.all[0].deformed;
         let rows = elements.loaded().iter().zip(shape.deformed.loaded());
         let mut most: Option<(f64, u64)> = None;
@@ -203,7 +176,7 @@ impl Shapes {
         })
     }
 
-    fn shape_json(&self, shape: &Shape) -> Value {
+    fn shape_json(&self, shape: &DeformedMirror) -> Value {
         let slopes = &shape.slopes;
         let extreme = |extreme: Option<Extreme>| extreme.map(|e| 1e3 * e.value);
         let statuses: Map<String, Value> = statuses(shape.deformed.status())
@@ -212,7 +185,7 @@ impl Shapes {
             .collect();
         let apart = self.apart(shape).filter(|_| !shape.poses.is_empty());
         let mut value = json!({
-            "method": shape.name,
+            "method": shape.method.as_str(),
             "rms_mrad": 1e3 * slopes.rms_rad(),
             "rms_first_mrad": 1e3 * slopes.rms_first_rad(),
             "rms_second_mrad": 1e3 * slopes.rms_second_rad(),
@@ -238,9 +211,6 @@ impl Shapes {
         value
     }
 }
-
-const X: [f64; 3] = [1.0, 0.0, 0.0];
-const Y: [f64; 3] = [0.0, 1.0, 0.0];
 
 /// The facet farthest from rigid.
 fn worst(poses: &[FacetPose]) -> Option<&FacetPose> {
@@ -281,13 +251,12 @@ fn statuses(all: &[FaceStatus]) -> Vec<(&'static str, usize)> {
         .collect()
 }
 
-impl Shape {
-    pub(super) fn by(&self) -> &'static str {
-        match self.name {
-            "pose" => "by mirror pose reconstruction",
-            "rigid" => "by a rigid motion of each facet",
-            _ => "by planar element substitution",
-        }
+/// How a method is called in titles.
+pub(super) const fn by(method: DeformMethod) -> &'static str {
+    match method {
+        DeformMethod::Pose => "by mirror pose reconstruction",
+        DeformMethod::Rigid => "by a rigid motion of each facet",
+        _ => "by planar element substitution",
     }
 }
 
@@ -299,7 +268,7 @@ impl Shapes {
             let slopes = &shape.slopes;
             let apart = self.apart(shape).filter(|_| !shape.poses.is_empty());
             vec![
-                shape.name.to_owned(),
+                shape.method.as_str().to_owned(),
                 mrad(slopes.rms_rad()),
                 extreme(slopes.max()),
                 extreme(slopes.max_first()),
