@@ -8,7 +8,7 @@ use helio_io::calibrate::joint::{
     Following, JointAsked, JointFound, JointRun, NOT_AS_ONE, Remark, alarm_words, days_of,
     jump_words, needs_site,
 };
-use helio_io::calibrate::{Proposals, write_rejected};
+use helio_io::calibrate::{Proposals, RunError, write_rejected};
 use helio_io::output::{Destination, Format, KeptColumns};
 use helio_io::{
     AtomicFile, CalibratedSet, LoadedField, Provenance, read_state, state_bytes, state_of_bytes,
@@ -153,7 +153,16 @@ fn found(
     watch: &(dyn Fn(u64, u64) -> bool + Sync),
 ) -> Result<Found, Failure> {
     let proposals = match &words.plan {
-        Some((count, date)) => Some(Proposals::new(*count, date, loaded)?),
+        Some((count, date)) => {
+            let asked = Proposals::new(*count, date, loaded).map_err(|error| match error {
+                RunError::Refused(words) => {
+                    let words = words.trim_start_matches("--plan-date ");
+                    Failure::of("OptionError", "plan", words.trim_start_matches("--plan: "))
+                }
+                other => other.into(),
+            });
+            Some(asked?)
+        }
         None => None,
     };
     let said = Mutex::new(Vec::new());

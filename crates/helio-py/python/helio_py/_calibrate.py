@@ -244,7 +244,7 @@ def calibrate(
     no_jumps: bool = False,
     max_year_pointing_mrad: float | None = None,
     joint: Literal[True],
-    update: str | PathLike[str] | bytes | JointCalibration | None = None,
+    update: str | PathLike[str] | bytes | bytearray | memoryview | JointCalibration | None = None,
     state: str | PathLike[str] | None = None,
     ahead_days: float | None = None,
     leftovers: bool = False,
@@ -268,7 +268,7 @@ def calibrate(
     no_jumps: bool = False,
     max_year_pointing_mrad: float | None = None,
     joint: Literal[False] = False,
-    update: str | PathLike[str] | bytes | JointCalibration,
+    update: str | PathLike[str] | bytes | bytearray | memoryview | JointCalibration,
     state: str | PathLike[str] | None = None,
     ahead_days: float | None = None,
     leftovers: bool = False,
@@ -315,7 +315,7 @@ def calibrate(
     no_jumps: bool = False,
     max_year_pointing_mrad: float | None = None,
     joint: bool = False,
-    update: str | PathLike[str] | bytes | JointCalibration | None = None,
+    update: str | PathLike[str] | bytes | bytearray | memoryview | JointCalibration | None = None,
     state: str | PathLike[str] | None = None,
     ahead_days: float | None = None,
     leftovers: bool = False,
@@ -419,7 +419,7 @@ def calibrate(
     if joint or update is not None:
         from helio_py._joint import as_one
 
-        usual = (
+        usual: tuple[tuple[str, Any, Any], ...] = (
             ("solver", solver, "hartley-meyer"),
             ("residual", residual, "components"),
             ("robust", robust, "none"),

@@ -32,6 +32,10 @@ class JointCalibration(Calibration):
     --leftovers`` reads) and "plan" (the next observations).
     """
 
+    def __repr__(self) -> str:
+        ok = self.status.count("ok")
+        return f"<JointCalibration of {len(self)} heliostats: {ok} ok, {len(self) - ok} not>"
+
     @property
     def state(self) -> bytes:
         """All that is known of the field: what ``calibrate`` goes on from with `update`.
@@ -132,11 +136,11 @@ def as_one(
 ) -> JointCalibration:
     """Calibrates a field as one; ``given`` are options of other fits that were not left as they are."""
     if words["joint"] and words["update"] is not None:
-        error = OptionError("joint with update: a state is begun by one and followed by the other")
+        error = OptionError("joint: with update: a state is begun by one and followed by the other")
         error.field = "joint"
         raise error
     if words["update"] is not None and words["leftovers"]:
-        error = OptionError("leftovers with update: what is left by pose is found by a joint fit only")
+        error = OptionError("leftovers: with update: what is left by pose is found by a joint fit only")
         error.field = "leftovers"
         raise error
     state = words["state"]
