@@ -70,6 +70,9 @@ pub enum CalibrationError {
         /// What was given, counted from 0.
         place: usize,
     },
+    /// Whoever watched it asked it to stop.
+    #[error("stopped before its end")]
+    Stopped,
     /// Nothing is free.
     #[error("every parameter is held: there is nothing to fit")]
     NothingFree,

@@ -95,6 +95,7 @@ impl From<helio_io::calibrate::RunError> for Failure {
         match error {
             RunError::Io(error) => error.into(),
             RunError::Calibration(error) => error.into(),
+            RunError::Sun(error) => error.into(),
             refused => Self::Refused(refused.to_string()),
         }
     }

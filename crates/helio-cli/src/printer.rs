@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use helio_core::Status;
 use helio_io::IoError;
 use helio_io::output::Destination;
+pub(crate) use helio_io::{Counted, Grouped};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::failure::Failure;
@@ -212,32 +213,6 @@ impl Display for Tally {
             f.write_str("no rows")?;
         }
         Ok(())
-    }
-}
-
-/// A whole number with its digits in threes.
-pub(crate) struct Grouped(pub(crate) u64);
-
-impl Display for Grouped {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let digits = self.0.to_string();
-        for (i, digit) in digits.chars().enumerate() {
-            if i > 0 && (digits.len() - i).is_multiple_of(3) {
-                f.write_str(",")?;
-            }
-            write!(f, "{digit}")?;
-        }
-        Ok(())
-    }
-}
-
-/// A number of things, in the plural where they are not one.
-pub(crate) struct Counted(pub(crate) usize, pub(crate) &'static str);
-
-impl Display for Counted {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let ending = if self.0 == 1 { "" } else { "s" };
-        write!(f, "{} {}{ending}", Grouped(self.0 as u64), self.1)
     }
 }
 

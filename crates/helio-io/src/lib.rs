@@ -47,6 +47,7 @@ mod table;
 mod target;
 mod times;
 mod toml;
+mod words;
 
 pub use atomic::{AtomicFile, remove_unfinished_files, write_file, write_file_with};
 pub use calibrated::{
@@ -93,8 +94,10 @@ pub use simulate::{
 pub use small::{Angles, AnglesSun, PresentAngles, Suns, load_angles, load_present, load_suns};
 pub use spots::{SpotRow, SpotTable, load_spots, write_spots};
 pub use state::{
-    KeptDrive, KeptMount, STATE_FORMAT, StateFile, read_state, state_bytes, write_state,
+    KeptDrive, KeptMount, STATE_FORMAT, StateFile, read_state, state_bytes, state_of_bytes,
+    write_state,
 };
 pub use table::{MemoryTable, PARQUET_THREAD, TableSource};
 pub use target::{CameraTarget, load_target, target_of_text, target_toml};
 pub use times::{TimeRange, degrees_as_written, format_time, parse_step, parse_time};
+pub use words::{Counted, Grouped};

@@ -17,6 +17,7 @@ use arrow::array::{
 };
 use arrow::buffer::OffsetBuffer;
 use arrow::datatypes::{DataType, Field};
+use bytes::Bytes;
 use helio_calib::Mount;
 use helio_calib::joint::{
     AccountParts, Alarm, AxisCause, Cause, HeliostatParts, JumpSeen, Lately, Mishaps, Noise, Spell,
@@ -30,6 +31,7 @@ use parquet::basic::Compression;
 use parquet::errors::ParquetError;
 use parquet::file::metadata::KeyValue;
 use parquet::file::properties::{EnabledStatistics, WriterProperties};
+use parquet::file::reader::ChunkReader;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
@@ -706,13 +708,29 @@ pub fn read_state(path: &Path) -> Result<(StateFile, String), IoError> {
     let mut file = File::open(path).map_err(refuse)?;
     let mut bytes = Vec::new();
     file.read_to_end(&mut bytes).map_err(refuse)?;
-    let seal = sealed(&bytes).map_err(|message| conflict(path, None, message))?;
-    drop(bytes);
+    state_of(path, file, &bytes)
+}
+
+/// Reads what [`state_bytes`] gave or [`write_state`] wrote from memory; `name` is what messages call it.
+///
+/// # Errors
+/// As [`read_state`].
+pub fn state_of_bytes(name: &Path, bytes: Vec<u8>) -> Result<(StateFile, String), IoError> {
+    let bytes = Bytes::from(bytes);
+    state_of(name, bytes.clone(), &bytes)
+}
+
+fn state_of(
+    path: &Path,
+    reader: impl ChunkReader + 'static,
+    bytes: &[u8],
+) -> Result<(StateFile, String), IoError> {
+    let seal = sealed(bytes).map_err(|message| conflict(path, None, message))?;
     // As for tables: the reader panics on some damaged files, which must not end the program.
-    let reader = Builder::new().name(PARQUET_THREAD.to_string());
-    let done = reader
-        .spawn(move || pages(file, seal))
-        .map_err(refuse)?
+    let thread = Builder::new().name(PARQUET_THREAD.to_string());
+    let done = thread
+        .spawn(move || pages(reader, seal))
+        .map_err(|error| IoError::read(path, error))?
         .join();
     match done {
         Ok(Ok(state)) => Ok(state),
@@ -775,7 +793,10 @@ impl From<arrow::error::ArrowError> for Unread {
     }
 }
 
-fn pages(file: File, seal: Option<String>) -> Result<(StateFile, String), Unread> {
+fn pages(
+    file: impl ChunkReader + 'static,
+    seal: Option<String>,
+) -> Result<(StateFile, String), Unread> {
     let builder = ParquetRecordBatchReaderBuilder::try_new(file)?;
     let pairs = builder.metadata().file_metadata().key_value_metadata();
     let value = |key: &str| -> Option<String> {

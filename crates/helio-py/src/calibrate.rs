@@ -60,13 +60,14 @@ impl From<RunError> for Failure {
         match error {
             RunError::Io(error) => error.into(),
             RunError::Calibration(error) => Self::new("CalibrationError", error.to_string()),
+            RunError::Sun(error) => error.into(),
             refused => of_option(&refused.to_string()),
         }
     }
 }
 
 /// A refusal that names options as the command line does, in the names of keywords.
-fn of_option(message: &str) -> Failure {
+pub(crate) fn of_option(message: &str) -> Failure {
     let words: Vec<String> = message
         .split(' ')
         .map(|word| match word.strip_prefix("--") {
@@ -74,12 +75,15 @@ fn of_option(message: &str) -> Failure {
             None => word.to_owned(),
         })
         .collect();
+    if !message.starts_with("--") {
+        return Failure::new("OptionError", words.join(" "));
+    }
     let first = words[0].trim_end_matches(':').to_owned();
     let rest = words[1..].join(" ");
     Failure::of("OptionError", &first, rest)
 }
 
-fn hash_text(text: &str) -> String {
+pub(crate) fn hash_text(text: &str) -> String {
     let mut hash = Sha256::default();
     hash.update(text.as_bytes());
     hash.finish()
@@ -145,7 +149,7 @@ pub(crate) fn _calibrate<'py>(
 }
 
 /// The observations that can be used, which are some, and a hash of them.
-fn observed(
+pub(crate) fn observed(
     observations: &Given,
     spots: Option<&Given>,
     loaded: &LoadedField,
@@ -256,9 +260,22 @@ fn residual_columns(residuals: &[Residual], run: &Run<'_>) -> Vec<(String, KeptC
 }
 
 fn answer(py: Python<'_>, found: Found) -> Result<Bound<'_, PyDict>, Failure> {
-    let rows = found.sets.len();
-    let errors: Vec<f64> = found
-        .sets
+    let dict = columns_of_sets(py, &found.sets)?;
+    dict.set_item("calibration", handed_out(py, found.calibration.take())?)?;
+    dict.set_item("rejected", handed_out(py, found.rejected.take())?)?;
+    dict.set_item("residuals", handed_out(py, found.residuals)?)?;
+    dict.set_item("findings", PyList::new(py, found.findings)?)?;
+    dict.set_item("warnings", found.warnings)?;
+    Ok(dict)
+}
+
+/// The parameters of sets as arrays.
+pub(crate) fn columns_of_sets<'py>(
+    py: Python<'py>,
+    sets: &[CalibratedSet],
+) -> Result<Bound<'py, PyDict>, Failure> {
+    let rows = sets.len();
+    let errors: Vec<f64> = sets
         .iter()
         .flat_map(|set| match &set.errors {
             None => [f64::NAN; 6],
@@ -272,23 +289,17 @@ fn answer(py: Python<'_>, found: Found) -> Result<Bound<'_, PyDict>, Failure> {
             ],
         })
         .collect();
-    let offsets = found.sets.iter();
+    let offsets = sets.iter();
     let offsets: Vec<f64> = offsets
         .map(|set| set.mirror_offset_m.unwrap_or(f64::NAN))
         .collect();
-    let sigmas: Vec<f64> = found.sets.iter().flat_map(|set| set.sigmas).collect();
-    let covariance: Vec<f64> = found
-        .sets
+    let sigmas: Vec<f64> = sets.iter().flat_map(|set| set.sigmas).collect();
+    let covariance: Vec<f64> = sets
         .iter()
         .flat_map(|set| set.covariance.unwrap_or([[f64::NAN; 7]; 7]))
         .flatten()
         .collect();
     let dict = PyDict::new(py);
-    dict.set_item("calibration", handed_out(py, found.calibration.take())?)?;
-    dict.set_item("rejected", handed_out(py, found.rejected.take())?)?;
-    dict.set_item("residuals", handed_out(py, found.residuals)?)?;
-    dict.set_item("findings", PyList::new(py, found.findings)?)?;
-    dict.set_item("warnings", found.warnings)?;
     dict.set_item("errors", owned(py, errors, &[rows, 6])?)?;
     dict.set_item("mirror_offset_m", owned(py, offsets, &[rows])?)?;
     dict.set_item("sigmas", owned(py, sigmas, &[rows, 7])?)?;

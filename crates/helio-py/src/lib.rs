@@ -3,7 +3,7 @@
 //! The package's own documentation is in its doc strings, which begin here as the comments above each
 //! function and class, in the form that Python's readers know (numpydoc).
 //!
-//! One file per subject: `field`, `track`, `forward`, `sun`, `drive`, `predict`, `calibrate`, `spots`, `accuracy`,
+//! One file per subject: `field`, `track`, `forward`, `sun`, `drive`, `predict`, `calibrate`, `joint`, `spots`, `accuracy`,
 //! `flux`, `simulate`; below
 //! them what they share: `array` (NumPy in and out), `table` (tables in and out), `rows` (answers as tables), `failure` (errors), `pool` (threads,
 //! and forks), `guard` (panics), `slab` (memory of answers), `watch` (progress and Ctrl-C of long work).
@@ -23,6 +23,7 @@ mod flux;
 mod forward;
 mod given;
 mod guard;
+mod joint;
 mod pool;
 mod predict;
 mod rows;
@@ -65,6 +66,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(rows::_landed_table, module)?)?;
     module.add_function(wrap_pyfunction!(rows::_angles, module)?)?;
     module.add_function(wrap_pyfunction!(calibrate::_calibrate, module)?)?;
+    module.add_function(wrap_pyfunction!(joint::_calibrate_joint, module)?)?;
     module.add_function(wrap_pyfunction!(table::_write_table, module)?)?;
 
     module.add_function(wrap_pyfunction!(spots::_find_spots, module)?)?;

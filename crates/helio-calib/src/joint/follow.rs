@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use super::belief::{Belief, REFERENCES, Shape, Told, at, column};
 use super::common::{Common, Sum};
 use super::foretell::{Foretold, foretold, later, references, shared_values, zero_points};
+use super::going::{Going, Progress};
 use super::hyper::{Hyper, Marks, Noise, Wander, waited};
 use super::hypotheses::{Account, Mishaps, decide, told_by};
 use super::rows::{ANGLES, Expansion, MILLI, Rows, Structure, filter_unit, parameters, pole};
@@ -74,6 +75,8 @@ fn pose_error(cause: AxisCause) -> usize {
 
 /// Records in doubt of a heliostat at most: then its likeliest account is believed.
 const MOST_UNDECIDED: usize = 60;
+/// Records of a heliostat that are taken in before it is asked whether to go on.
+const ASKED_EVERY: usize = 16;
 /// Records are made linear anew where the heliostat is now thought to be farther from where they were than this
 /// \[rad\].
 const MOVED_RAD: f64 = 1e-3;
@@ -375,6 +378,19 @@ impl FieldState {
         &mut self,
         campaigns: &[(usize, Campaign<'_>)],
     ) -> Result<Vec<Vec<Step>>, CalibrationError> {
+        self.update_watched(campaigns, &|_, _| true)
+    }
+
+    /// [`update`](Self::update), watched: it tells how far it is, and ends early when it is told to. Of a state whose
+    /// update was stopped nobody knows what it has taken in: it is to be given up.
+    ///
+    /// # Errors
+    /// Those of [`update`](Self::update), and [`CalibrationError::Stopped`].
+    pub fn update_watched(
+        &mut self,
+        campaigns: &[(usize, Campaign<'_>)],
+        progress: Progress<'_>,
+    ) -> Result<Vec<Vec<Step>>, CalibrationError> {
         let mut asked: Vec<Option<usize>> = vec![None; self.heliostats.len()];
         for (n, &(place, _)) in campaigns.iter().enumerate() {
             if in_place(&asked, "place", place)?.is_some() {
@@ -395,7 +411,9 @@ impl FieldState {
             self.add_target(target);
         }
         let rates = self.hyper().rates();
+        let going = Going::new(progress, campaigns.len());
         let context = Context {
+            going: &going,
             structure: &self.structure,
             shape: self.structure.shape(),
             rates: &rates,
@@ -415,6 +433,7 @@ impl FieldState {
                 Some((n, heliostat.take_in(&context, place, &campaigns[n].1)))
             })
             .collect();
+        going.check()?;
         let mut steps = vec![Vec::new(); campaigns.len()];
         let mut witnesses = Vec::new();
         for (n, taken) in done {
@@ -651,6 +670,7 @@ struct Taken {
 }
 
 struct Context<'a> {
+    going: &'a Going<'a>,
     structure: &'a Structure,
     shape: Shape,
     rates: &'a super::belief::Rates,
@@ -723,6 +743,9 @@ impl Followed {
         let mut steps = Vec::with_capacity(rows.len());
         let mut witnesses = Vec::with_capacity(rows.len());
         for k in 0..rows.len() {
+            if k % ASKED_EVERY == 0 && !context.going.is_on() {
+                break;
+            }
             let understood = !self.unexplained();
             let here = self.place(context);
             let moved = here.still.iter().zip(&at.still);
@@ -808,6 +831,7 @@ impl Followed {
                 unbelieved,
             });
         }
+        context.going.on_after(1);
         Taken {
             steps,
             witnesses,

@@ -2,6 +2,7 @@
 
 use super::belief::{Rates, Shape, WANDERING, at};
 use super::common::{Common, Sum};
+use super::going::Going;
 use super::group::Sample;
 use super::rows::ANGLES;
 
@@ -416,6 +417,7 @@ pub(super) fn learn(
     expected_spread: &[f64],
     free: &Free,
     search: &mut Option<Search>,
+    going: &Going<'_>,
 ) -> bool {
     let values = |hyper: &Hyper, places: &[Logarithms]| -> Vec<f64> {
         let there = |logarithms: &Logarithms| {
@@ -441,6 +443,9 @@ pub(super) fn learn(
     let expected = expected().logarithms();
     let mut before: Option<(f64, Logarithms, Logarithms)> = None;
     for _ in 0..ROUNDS {
+        if !going.is_on() {
+            return false;
+        }
         for _ in (0..2).filter(|_| free.pooled) {
             learn_spread(sample, hyper, prior_sigma, expected_spread, &free.spread);
         }
@@ -482,6 +487,9 @@ pub(super) fn learn(
         }
         let mut by = 1.0;
         for _ in 0..HALVED {
+            if !going.is_on() {
+                return false;
+            }
             let mut there = plus(&from, by, &step);
             for k in free.searched() {
                 there[k] = there[k].clamp(expected[k] - FARTHEST, expected[k] + FARTHEST);

@@ -15,6 +15,7 @@ mod belief;
 mod common;
 mod follow;
 mod foretell;
+mod going;
 mod group;
 mod hyper;
 mod hypotheses;
@@ -45,6 +46,8 @@ use common::{Common, Sum};
 pub use follow::{Alarm, FieldState, Followed, JumpSeen, Known, Step, StepKind};
 use foretell::shared_values;
 pub use foretell::{Foretold, History};
+use going::Going;
+pub use going::Progress;
 use group::{Beliefs, Group, Prior, Sample, Total};
 use hyper::{
     EXPECTED_NOISE, EXPECTED_SPREAD_MRAD, EXPECTED_WANDER, Free, HELD_VARIANCE, Hyper, Marks,
@@ -199,6 +202,8 @@ pub struct JointFit {
 const EXPECTED_MEAN_MRAD: [f64; ANGLES] = [20.0, 20.0, 20.0, 5.0, 20.0, 20.0];
 /// Fewest records from which a heliostat's own fit is a good place to begin.
 const BEGIN_WITH_FIT: usize = 6;
+/// Heliostats that are fitted by themselves before it is asked whether to go on: a multiple of eight.
+const FITTED_AT_ONCE: usize = 4096;
 /// Farthest beginning that is taken from a heliostat's own fit \[rad\].
 const BEGIN_WITHIN_RAD: f64 = 0.5;
 /// What was decided about a heliostat's records holds if the place where the formula is made linear then moves by
@@ -225,6 +230,7 @@ struct Live {
 struct Work<'a> {
     campaigns: &'a [Campaign<'a>],
     options: &'a JointOptions,
+    going: &'a Going<'a>,
     structure: Structure,
     live: Live,
     shape: Shape,
@@ -279,7 +285,32 @@ pub fn fit_joint(
     campaigns: &[Campaign<'_>],
     options: &JointOptions,
 ) -> Result<JointFit, CalibrationError> {
-    fit_at(campaigns, options, SimdLevel::best())
+    fit_joint_watched(campaigns, options, &|_, _| true)
+}
+
+/// [`fit_joint`], watched: it tells how far it is, and ends early when it is told to.
+///
+/// # Errors
+/// Those of [`fit_joint`], and [`CalibrationError::Stopped`].
+///
+/// ```
+/// use helio_calib::CalibrationError;
+/// use helio_calib::joint::{JointOptions, fit_joint_watched};
+/// # use helio_calib::joint::simulate::{FieldOptions, simulate_field};
+/// # let options = FieldOptions { heliostats: 6, records: 8, ..FieldOptions::new(1)? };
+/// # let field = simulate_field(&options)?;
+/// # let campaigns = field.first(8);
+/// let options = JointOptions::new(options.site.latitude_rad());
+/// let stopped = fit_joint_watched(&campaigns, &options, &|_more, _of| false);
+/// assert_eq!(stopped, Err(CalibrationError::Stopped));
+/// # Ok::<(), CalibrationError>(())
+/// ```
+pub fn fit_joint_watched(
+    campaigns: &[Campaign<'_>],
+    options: &JointOptions,
+    progress: Progress<'_>,
+) -> Result<JointFit, CalibrationError> {
+    fit_at(campaigns, options, SimdLevel::best(), progress)
 }
 
 /// Of the heliostats that noise and wander are learnt from one in so many gives a first guess at them.
@@ -289,13 +320,16 @@ fn fit_at(
     campaigns: &[Campaign<'_>],
     options: &JointOptions,
     level: SimdLevel,
+    progress: Progress<'_>,
 ) -> Result<JointFit, CalibrationError> {
-    let mut work = Work::new(campaigns, options, level)?;
-    let mut places = work.beginnings();
-    let mut decided = Decided::new();
     let expansions = options.expansions.max(1);
     // where noise and wander are learnt from some heliostats, the first expansion is that of some of these alone
     let some = campaigns.len() > options.learnt_from && expansions > 1;
+    let going = Going::new(progress, campaigns.len() * (expansions - usize::from(some)));
+    let mut work = Work::new(campaigns, options, level, &going)?;
+    let mut places = work.beginnings();
+    going.check()?;
+    let mut decided = Decided::new();
     let mut pass = 0;
     loop {
         work.leave_out_held();
@@ -304,7 +338,9 @@ fn fit_at(
             .learnt_from
             .div_ceil(if first { FIRST_SHARE } else { 1 });
         let sample = work.sample(&places, most, pass == 0, &mut decided);
+        going.check()?;
         work.learn(&sample);
+        going.check()?;
         if pass == 0 {
             work.meet(&sample);
         }
@@ -321,12 +357,15 @@ fn fit_at(
             continue;
         }
         let known = work.believe(&places, &mut decided);
+        going.check()?;
         if pass > 1 || expansions == 1 {
             work.admit();
         }
         if pass == expansions {
             let likelihood = minus_log_likelihood(&sample, &work.hyper, &work.prior_sigma);
-            return Ok(work.finish(&places, known, decided, likelihood));
+            let fit = work.finish(&places, known, decided, likelihood);
+            going.check()?;
+            return Ok(fit);
         }
         let order = core::mem::take(&mut work.order);
         work.move_on(&mut places, &known, &order, &mut decided);
@@ -381,6 +420,7 @@ impl<'a> Work<'a> {
         campaigns: &'a [Campaign<'a>],
         options: &'a JointOptions,
         level: SimdLevel,
+        going: &'a Going<'a>,
     ) -> Result<Self, CalibrationError> {
         options.check()?;
         let targets = campaigns
@@ -445,6 +485,7 @@ impl<'a> Work<'a> {
         Ok(Self {
             campaigns,
             options,
+            going,
             level,
             order,
             free,
@@ -502,20 +543,28 @@ impl<'a> Work<'a> {
                 ..*campaign
             })
             .collect();
-        let fits = fit_field(&campaigns, &options);
         let mut places = Places {
             still: vec![0.0; self.campaigns.len() * self.shape.still],
             shared: vec![0.0; self.shape.causes],
         };
-        let stills = places.still.chunks_exact_mut(self.shape.still);
-        for ((fit, campaign), still) in fits.into_iter().zip(&campaigns).zip(stills) {
-            if let Ok(fit) = fit
-                && campaign.observations.len() >= BEGIN_WITH_FIT
-                && fit.parameters.values[..ANGLES]
-                    .iter()
-                    .all(|x| x.abs() < BEGIN_WITHIN_RAD)
-            {
-                still[..ANGLES].copy_from_slice(&fit.parameters.values[..ANGLES]);
+        // side by side as all at once would be, and now and then a question whether to go on
+        let mut order: Vec<usize> = (0..campaigns.len()).collect();
+        alike(&campaigns, &mut order);
+        for some in order.chunks(FITTED_AT_ONCE) {
+            if !self.going.is_on() {
+                break;
+            }
+            let chosen: Vec<Campaign<'_>> = some.iter().map(|&k| campaigns[k]).collect();
+            for (fit, &k) in fit_field(&chosen, &options).into_iter().zip(some) {
+                let still = &mut places.still[k * self.shape.still..];
+                if let Ok(fit) = fit
+                    && campaigns[k].observations.len() >= BEGIN_WITH_FIT
+                    && fit.parameters.values[..ANGLES]
+                        .iter()
+                        .all(|x| x.abs() < BEGIN_WITHIN_RAD)
+                {
+                    still[..ANGLES].copy_from_slice(&fit.parameters.values[..ANGLES]);
+                }
             }
         }
         places
@@ -567,6 +616,9 @@ impl<'a> Work<'a> {
             .par_chunks(BLOCK)
             .map(|members| {
                 let mut group = Group::default();
+                if !self.going.is_on() {
+                    return (group, Decided::new());
+                }
                 self.linearise(&mut group, members, places);
                 let mut known = Beliefs::default();
                 if !all {
@@ -622,6 +674,7 @@ impl<'a> Work<'a> {
             &self.expected_spread,
             &self.free,
             &mut self.search,
+            self.going,
         );
     }
 
@@ -679,6 +732,9 @@ impl<'a> Work<'a> {
         let mut all = Vec::with_capacity(heliostats.len().div_ceil(BLOCK));
         let mut unexpected = Vec::new();
         for (n, members) in heliostats.chunks(BLOCK).enumerate() {
+            if !self.going.on_after(members.len()) {
+                return (Vec::new(), found, total);
+            }
             self.linearise(group, members, places);
             let misses = group.misses(rows, prior);
             let silent = core::array::from_fn(|lane| {
@@ -1044,6 +1100,8 @@ mod tests {
     use super::simulate::{FieldOptions, simulate_field};
     use super::*;
 
+    const UNWATCHED: Progress<'_> = &|_, _| true;
+
     fn bits(fit: &JointFit) -> Vec<u64> {
         let mut bits = vec![fit.minus_log_likelihood.to_bits()];
         bits.extend(fit.causes.iter().map(|cause| cause.value.to_bits()));
@@ -1067,7 +1125,8 @@ mod tests {
         let begun = |field: &simulate::SimulatedField| {
             let campaigns = field.first(20);
             let how = JointOptions::new(options.site.latitude_rad());
-            let work = Work::new(&campaigns, &how, SimdLevel::best()).unwrap();
+            let going = Going::new(UNWATCHED, 0);
+            let work = Work::new(&campaigns, &how, SimdLevel::best(), &going).unwrap();
             work.beginnings().still
         };
         let none = begun(&field);
@@ -1106,7 +1165,7 @@ mod tests {
         };
         let best = bits(&fit_joint(&campaigns, &options).unwrap());
         for &level in SimdLevel::available() {
-            let fit = fit_at(&campaigns, &options, level).unwrap();
+            let fit = fit_at(&campaigns, &options, level, UNWATCHED).unwrap();
             assert_eq!(bits(&fit), best, "{level}");
         }
         for threads in [1, 3] {

@@ -85,6 +85,9 @@ impl Work<'_> {
         prior: &Prior<'_>,
         decided: &Decided,
     ) -> Vec<(usize, Open)> {
+        if !self.going.is_on() {
+            return Vec::new();
+        }
         let rows = self.live.structure.shape();
         let none = Marks::default();
         let members: Vec<usize> = some.iter().map(|(k, _)| *k).collect();

@@ -13,6 +13,8 @@
 mod asked;
 mod day;
 mod done;
+pub mod joint;
+mod proposals;
 mod rejected;
 mod residuals;
 mod words;
@@ -20,11 +22,13 @@ mod words;
 use helio_calib::schedule::Sets;
 use helio_calib::{CalibrationError, Context, Finding, Mount, Parameters};
 use helio_core::Field;
+use helio_core::sun::SunError;
 
 pub use self::asked::{Asked, FitWords};
 pub use self::day::without_sigmas;
 use self::day::{Day, Weighed, fitted, weighed};
 pub use self::done::{Choice, Done, DoneSet, Exact, Left};
+pub use self::proposals::Proposals;
 pub use self::rejected::{Rejected, write_rejected};
 pub use self::residuals::{Residual, predicted_spots};
 use self::words::Words;
@@ -43,6 +47,9 @@ pub enum RunError {
     /// What the library says.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),
+    /// No position of the sun can be computed.
+    #[error(transparent)]
+    Sun(#[from] SunError),
     /// What was asked for makes no sense; the whole sentence, which names options as the command line does.
     #[error("{0}")]
     Refused(String),
@@ -56,6 +63,9 @@ impl RunError {
 
 /// The status of a set that tracking may use.
 pub const OK: &str = "ok";
+
+/// Lowest sun of an observation or of a pointing that counts \[rad\].
+pub const LOWEST_SUN_RAD: f64 = 0.1745;
 
 /// How far beyond the clock a record may be dated \[ns\]: a day, as clocks and offsets from UTC are set wrong. What is
 /// dated later is better left aside: zero points would wander on to that day, and what is fitted would be taken to hold

@@ -53,6 +53,7 @@ from helio_py._errors import (
     UnknownNameError,
 )
 from helio_py._flux import CameraFlux, FluxAccount, SlopeErrors, TargetMap, flux
+from helio_py._joint import JointCalibration
 from helio_py._native import Drive, Field, Flux, Tracking, __version__, _optimised, forward, sun_position, track
 from helio_py._predict import Prediction, predict
 from helio_py._simulate import SimulatedObservations, simulate_field, simulate_observations
@@ -140,6 +141,7 @@ __all__ += [
     "TargetMap",
     "flux",
 ]
+__all__ += ["JointCalibration"]
 __all__ += ["Paint", "convert_paint"]
 __all__ += ["SimulatedObservations", "simulate_field", "simulate_observations"]
 __all__ += ["Accuracy", "AccuracyFigure", "Spot", "Spots", "accuracy", "find_spot", "find_spots"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from os import PathLike
 
     from numpy.typing import NDArray
+
+    from helio_py._joint import JointCalibration
 
 _ERRORS = (
     "pedestal_tilt_rad",
@@ -225,6 +227,7 @@ def _priors(prior: Any) -> list[str]:
     return words
 
 
+@overload
 def calibrate(
     field: Field,
     observations: Any,
@@ -239,10 +242,90 @@ def calibrate(
     prior: Mapping[str, tuple[float, float]] | Iterable[str] = (),
     keep_all: bool = False,
     no_jumps: bool = False,
-    max_year_pointing_mrad: float = 2.0,
+    max_year_pointing_mrad: float | None = None,
+    joint: Literal[True],
+    update: str | PathLike[str] | bytes | bytearray | memoryview | JointCalibration | None = None,
+    state: str | PathLike[str] | None = None,
+    ahead_days: float | None = None,
+    leftovers: bool = False,
+    plan: tuple[int, str] | None = None,
+    progress: Callable[[int, int], Any] | bool | None = None,
+) -> JointCalibration: ...
+@overload
+def calibrate(
+    field: Field,
+    observations: Any,
+    *,
+    spots: Any | None = None,
+    solver: str = "hartley-meyer",
+    residual: str = "components",
+    robust: str = "none",
+    sets: str | int = "1",
+    fit_mirror_offset: bool = False,
+    hold: str | Iterable[str] = (),
+    prior: Mapping[str, tuple[float, float]] | Iterable[str] = (),
+    keep_all: bool = False,
+    no_jumps: bool = False,
+    max_year_pointing_mrad: float | None = None,
+    joint: Literal[False] = False,
+    update: str | PathLike[str] | bytes | bytearray | memoryview | JointCalibration,
+    state: str | PathLike[str] | None = None,
+    ahead_days: float | None = None,
+    leftovers: bool = False,
+    plan: tuple[int, str] | None = None,
+    progress: Callable[[int, int], Any] | bool | None = None,
+) -> JointCalibration: ...
+@overload
+def calibrate(
+    field: Field,
+    observations: Any,
+    *,
+    spots: Any | None = None,
+    solver: str = "hartley-meyer",
+    residual: str = "components",
+    robust: str = "none",
+    sets: str | int = "1",
+    fit_mirror_offset: bool = False,
+    hold: str | Iterable[str] = (),
+    prior: Mapping[str, tuple[float, float]] | Iterable[str] = (),
+    keep_all: bool = False,
+    no_jumps: bool = False,
+    max_year_pointing_mrad: float | None = None,
+    joint: Literal[False] = False,
+    update: None = None,
+    state: str | PathLike[str] | None = None,
+    ahead_days: float | None = None,
+    leftovers: bool = False,
+    plan: tuple[int, str] | None = None,
+    progress: Callable[[int, int], Any] | bool | None = None,
+) -> Calibration: ...
+def calibrate(
+    field: Field,
+    observations: Any,
+    *,
+    spots: Any | None = None,
+    solver: str = "hartley-meyer",
+    residual: str = "components",
+    robust: str = "none",
+    sets: str | int = "1",
+    fit_mirror_offset: bool = False,
+    hold: str | Iterable[str] = (),
+    prior: Mapping[str, tuple[float, float]] | Iterable[str] = (),
+    keep_all: bool = False,
+    no_jumps: bool = False,
+    max_year_pointing_mrad: float | None = None,
+    joint: bool = False,
+    update: str | PathLike[str] | bytes | bytearray | memoryview | JointCalibration | None = None,
+    state: str | PathLike[str] | None = None,
+    ahead_days: float | None = None,
+    leftovers: bool = False,
+    plan: tuple[int, str] | None = None,
     progress: Callable[[int, int], Any] | bool | None = None,
 ) -> Calibration:
-    """The angular errors of every heliostat from observations of its spot, heliostat by heliostat.
+    """The angular errors of every heliostat from observations of its spot.
+
+    Heliostat by heliostat, or with `joint` or `update` of the field as one: what heliostats share, how they differ, how
+    their zero points move.
 
     Parameters
     ----------
@@ -275,14 +358,32 @@ def calibrate(
         Whether every record that is a number is kept.
     no_jumps : bool, default False
         Whether no jumps of the encoder references are looked for.
-    max_year_pointing_mrad : float, default 2
-        Parameters whose predicted pointing over the year is more uncertain are refused.
+    max_year_pointing_mrad : float, optional
+        Parameters whose predicted pointing over the year is more uncertain are refused; by default from 2 on, and of the
+        field as one none.
+    joint : bool, default False
+        Whether the field is fitted as one: a row for every heliostat of the layout. Of the options above only `spots`,
+        `keep_all`, `no_jumps` and `max_year_pointing_mrad` then make sense, and any other is refused.
+    update : path, bytes or JointCalibration, optional
+        A state into which new observations are taken: the file that `state` or ``helio-rs calibrate --state`` wrote, the
+        `state` of a ``JointCalibration``, or that itself. It stays as it is, a file too: where the new one goes says
+        `state`, which may be the same file.
+    state : path, optional
+        File for the state after `joint` or `update`.
+    ahead_days : float, default 1
+        Days after the last record of the field that the rows are for; of `joint` and `update`.
+    leftovers : bool, default False
+        Whether to look for what is left of the misses as a smooth function of the pose; of `joint`.
+    plan : tuple, optional
+        How many observations of each heliostat to propose and for which day, such as ``(3, "2026-06-21")``: the table
+        "plan"; of `joint` and `update`.
     progress : callable or True, optional
         Called with the numbers of heliostats done and of all; True for a bar of tqdm.
 
     Returns
     -------
     Calibration
+        With `joint` or `update` a ``JointCalibration``.
 
     Raises
     ------
@@ -290,7 +391,8 @@ def calibrate(
 
     Notes
     -----
-    The numbers of ``helio-rs calibrate`` on the same table to the last bit. Ctrl-C ends it after the heliostats at hand.
+    The numbers of ``helio-rs calibrate`` on the same table to the last bit, and its states. Ctrl-C ends it after the
+    heliostats at hand.
 
     Examples
     --------
@@ -302,7 +404,50 @@ def calibrate(
     >>> calibrated = calibration.apply(field)
     >>> bool(calibrated.mirror_tilt_rad[0] == calibration.mirror_tilt_rad[0])
     True
+
+    The field as one, and new observations on top of what is known:
+
+    >>> known = hp.calibrate(field, "examples/observations.csv", joint=True)
+    >>> len(known) == len(field)
+    True
+    >>> try:
+    ...     hp.calibrate(field, "examples/observations.csv", update=known.state)
+    ... except hp.OptionError as error:
+    ...     "taken in already" in str(error)
+    True
     """
+    if joint or update is not None:
+        from helio_py._joint import as_one
+
+        usual: tuple[tuple[str, Any, Any], ...] = (
+            ("solver", solver, "hartley-meyer"),
+            ("residual", residual, "components"),
+            ("robust", robust, "none"),
+            ("sets", str(sets), "1"),
+            ("fit_mirror_offset", fit_mirror_offset, False),
+            ("hold", _words("hold", hold), []),
+            ("prior", _priors(prior), []),
+            ("keep_all", keep_all, False),
+            ("no_jumps", no_jumps, False),
+        )
+        given = {name: value for name, value, default in usual if value != default}
+        asked = {
+            "joint": joint,
+            "update": update,
+            "state": state,
+            "keep_all": keep_all,
+            "no_jumps": no_jumps,
+            "ahead_days": ahead_days,
+            "max_year_pointing_mrad": max_year_pointing_mrad,
+            "leftovers": leftovers,
+            "plan": plan,
+        }
+        return as_one(field, observations, spots, given, asked, progress)
+    for name, value in (("state", state), ("ahead_days", ahead_days), ("leftovers", leftovers or None), ("plan", plan)):
+        if value is not None:
+            error = OptionError(f"{name}: is of the field as one; wanted joint=True or update beside it")
+            error.field = name
+            raise error
     words = {
         "solver": solver,
         "residual": residual,
@@ -313,7 +458,7 @@ def calibrate(
         "prior": _priors(prior),
         "keep_all": keep_all,
         "no_jumps": no_jumps,
-        "max_year_pointing_mrad": max_year_pointing_mrad,
+        "max_year_pointing_mrad": 2.0 if max_year_pointing_mrad is None else max_year_pointing_mrad,
     }
     with reporter(progress, "heliostats") as report:
         found = _calibrate(field, observations, spots, words, report)

@@ -60,6 +60,13 @@ def _angles(field: Field, angles: Any) -> dict[str, NDArray[Any]]: ...
 def _calibrate(
     field: Field, observations: Any, spots: Any | None, words: dict[str, Any], progress: Any | None
 ) -> dict[str, Any]: ...
+def _calibrate_joint(
+    field: Field,
+    observations: Any,
+    spots: Any | None,
+    words: dict[str, Any],
+    progress: Callable[[int, int], Any] | None,
+) -> dict[str, Any]: ...
 def _write_table(path: str | PathLike[str], columns: list[tuple[str, str, Any]]) -> int: ...
 def _find_spots(
     frames: list[Any], names: list[str], times: list[int] | None, asked: dict[str, Any], progress: Any | None

@@ -19,6 +19,7 @@ use super::JointFit;
 use super::belief::{Belief, REFERENCES, Room, Shape, Told, WANDERING, at, column};
 use super::common::{Common, Sum};
 use super::foretell::{Foretold, foretold};
+use super::going::{Going, Progress};
 use super::hyper::waited;
 use super::parts::{demand, finite, positive};
 use super::rows::{ANGLES, MILLI, Rows};
@@ -500,11 +501,26 @@ impl JointFit {
         campaigns: &[Campaign<'_>],
         options: &LeftoverOptions,
     ) -> Result<Leftovers, CalibrationError> {
+        self.leftovers_watched(campaigns, options, &|_, _| true)
+    }
+
+    /// [`leftovers`](Self::leftovers), watched: it tells how far it is, and ends early when it is told to.
+    ///
+    /// # Errors
+    /// Those of [`leftovers`](Self::leftovers), and [`CalibrationError::Stopped`].
+    pub fn leftovers_watched(
+        &self,
+        campaigns: &[Campaign<'_>],
+        options: &LeftoverOptions,
+        progress: Progress<'_>,
+    ) -> Result<Leftovers, CalibrationError> {
         options.check()?;
         let given = campaigns.len();
         let same = given == self.heliostats.len();
         demand("number of campaigns", same, "that of the fit", given as f64)?;
-        let learnt = self.learn_leftovers(campaigns, options);
+        let going = Going::new(progress, 2 * given);
+        let learnt = self.learn_leftovers(campaigns, options, &going);
+        going.check()?;
         let (length, amplitude, poses) = match learnt {
             Some((length, amplitude, evidence)) if evidence >= options.least_log_evidence => {
                 (length, amplitude, options.most_poses)
@@ -514,13 +530,21 @@ impl JointFit {
         let wide: Vec<Wide> = campaigns
             .par_iter()
             .enumerate()
-            .map(|(k, campaign)| self.widen(&self.marked(k, campaign).0, campaign, length, poses))
-            .collect();
+            .map(|(k, campaign)| {
+                if !going.on_after(1) {
+                    return Err(CalibrationError::Stopped);
+                }
+                Ok(self.widen(&self.marked(k, campaign).0, campaign, length, poses))
+            })
+            .collect::<Result<_, _>>()?;
         let mut sum = Sum::nothing(self.structure.shape());
         for chunk in wide
             .par_chunks(CHUNK)
             .map(|chunk| {
                 let mut sum = Sum::nothing(self.structure.shape());
+                if !going.is_on() {
+                    return sum;
+                }
                 for of_one in chunk.iter().filter_map(|wide| wide.eliminated(amplitude)) {
                     sum.add(&of_one);
                 }
@@ -536,9 +560,13 @@ impl JointFit {
             .zip(campaigns)
             .enumerate()
             .map(|(k, (wide, campaign))| {
+                if !going.on_after(1) {
+                    return Err(CalibrationError::Stopped);
+                }
                 self.leftover(k, wide, campaign, &common, (amplitude, length), options)
             })
             .collect::<Result<Vec<_>, _>>()?;
+        going.check()?;
         Ok(Leftovers {
             amplitude_mrad: amplitude,
             length_rad: length,
@@ -556,6 +584,7 @@ impl JointFit {
         &self,
         campaigns: &[Campaign<'_>],
         options: &LeftoverOptions,
+        going: &Going<'_>,
     ) -> Option<(f64, [f64; 2], f64)> {
         let shape = self.structure.shape();
         let with: Vec<usize> = (0..campaigns.len())
@@ -575,6 +604,9 @@ impl JointFit {
             .map(|chunk| {
                 let mut sums = vec![Sum::nothing(shape); lengths.len() * cells.len()];
                 for &k in chunk {
+                    if !going.is_on() {
+                        return sums;
+                    }
                     let campaign = &campaigns[k];
                     let (rows, _) = self.marked(k, campaign);
                     for (length, sums) in lengths.iter().zip(sums.chunks_mut(cells.len())) {

@@ -7,10 +7,11 @@ use helio_calib::Mount;
 use helio_calib::aiming::hour_angle_rad;
 use helio_calib::plan::year_suns;
 use helio_core::EnuUnit;
+use helio_io::calibrate::LOWEST_SUN_RAD;
 use helio_io::{CalibratedSet, LoadedField, Observations, load_calibration};
 use rayon::prelude::*;
 
-use super::{LOWEST_SUN_RAD, SAID};
+use super::SAID;
 use crate::comparison::Change;
 use crate::failure::Failure;
 use crate::printer::Counted;

@@ -25,7 +25,7 @@ use crate::failure::Failure;
 use crate::printer::{Counted, Grouped, Printer};
 use crate::{Outcome, plan};
 use changes::{changes, earlier};
-use proposals::{Proposals, propose};
+use proposals::{proposals_of, write_proposals};
 use resume::{build_hash, finished, hash_files, hash_text, is_plain};
 
 impl From<&FitArgs> for FitWords {
@@ -85,7 +85,7 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
     {
         AtomicFile::check(path)?;
     }
-    let proposals = Proposals::new(args, &loaded)?;
+    let proposals = proposals_of(args, &loaded)?;
     let old = match &args.compare {
         Some(path) => Some(earlier(path, &loaded)?),
         None => None,
@@ -164,8 +164,8 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
             write_rejected(destination, format, rows, &loaded, &observations)?;
         }
         if let Some(proposals) = &proposals {
-            let rows = propose(&run, proposals, &done)?;
-            proposals.write(&rows, args, &loaded, printer)?;
+            let rows = run.propose(proposals, &done)?;
+            write_proposals(proposals, &rows, args, &loaded, printer)?;
         }
         // Proposals take the place of the calibration where both would go to standard output.
         let bytes = if proposals.is_some() && args.plan_out.is_none() && args.out.out.is_none() {
@@ -308,6 +308,3 @@ pub(crate) fn write_page(mut file: AtomicFile, page: &str) -> Result<(), Failure
     file.finish()?;
     Ok(())
 }
-
-/// Lowest sun of an observation or of a pointing that counts \[rad\].
-const LOWEST_SUN_RAD: f64 = 0.1745;

@@ -2,13 +2,11 @@
 
 use std::path::Path;
 
-use helio_calib::Campaign;
-use helio_calib::joint::{JointFit, LeftoverOptions, Leftovers};
+use helio_calib::joint::{LeftoverOptions, Leftovers};
 use helio_io::output::Format;
 use helio_io::{Observations, write_leftovers};
 
 use super::Run;
-use super::known::Day;
 use crate::failure::Failure;
 use crate::plan;
 use crate::printer::Bytes;
@@ -26,20 +24,6 @@ pub(super) fn format(path: &Path) -> Result<Format, Failure> {
 }
 
 impl Run<'_> {
-    pub(super) fn left(
-        &self,
-        fit: &JointFit,
-        campaigns: &[Campaign<'_>],
-        day: &Day,
-    ) -> Result<(LeftoverOptions, Leftovers), Failure> {
-        let options = LeftoverOptions {
-            day: Some(day.day),
-            ..LeftoverOptions::default()
-        };
-        let leftovers = fit.leftovers(campaigns, &options)?;
-        Ok((options, leftovers))
-    }
-
     pub(super) fn write_left(
         &self,
         path: &Path,

@@ -5,13 +5,14 @@ use std::collections::HashMap;
 use helio_calib::Parameter;
 use helio_calib::joint::{CommonCause, Scope, StepKind, ZeroPoint};
 use helio_io::LoadedField;
+use helio_io::calibrate::joint::cause_target;
 use helio_report::joint::{
     CauseLine, HeliostatLine, JointPage, NumberLine, RecordLine, jumped, tracks,
 };
 use rayon::prelude::*;
 
 use super::outputs::Found;
-use super::said::{for_people, target_of};
+use super::said::for_people;
 use crate::calibration_page::{facts, made_at, site_name};
 use crate::failure::Failure;
 
@@ -30,7 +31,7 @@ pub(super) struct Source<'a> {
 
 impl Source<'_> {
     pub(super) fn page(&self) -> Result<JointPage, Failure> {
-        let state = self.found.state;
+        let state = &self.found.all.state;
         let own = self.own_causes();
         let unknowns: Vec<String> = Parameter::ALL[..ANGLES]
             .iter()
@@ -45,11 +46,15 @@ impl Source<'_> {
             .iter()
             .flat_map(|&i| shown.iter().map(move |&j| (i, j)));
         let mut page = JointPage {
-            followed: self.found.zeros.is_none(),
+            followed: self.found.all.fit.is_none(),
             title: format!("{} as one", site_name(self.loaded)),
             generated_utc: made_at(),
             version: format!("helio-rs {}", self.found.provenance.version),
-            facts: facts(self.loaded, self.found.observations, self.found.provenance),
+            facts: facts(
+                self.loaded,
+                self.found.run.observations,
+                self.found.provenance,
+            ),
             findings: self.findings.clone(),
             causes: self.causes(),
             noise: self.noise(),
@@ -63,7 +68,7 @@ impl Source<'_> {
     }
 
     fn own_causes(&self) -> Vec<&CommonCause> {
-        let causes = self.found.causes.iter();
+        let causes = self.found.all.causes.iter();
         causes
             .filter(|cause| cause.cause.description().scope == Scope::Heliostat)
             .collect()
@@ -80,11 +85,12 @@ impl Source<'_> {
 
     /// Zero points that the page shows, as all records tell them.
     fn smooth(&self, page: &mut JointPage) -> Result<(), Failure> {
-        let Some(zeros) = self.found.zeros else {
+        if self.found.all.fit.is_none() {
             return Ok(());
-        };
+        }
         let index_of: HashMap<&str, usize> = self
             .found
+            .run
             .observations
             .heliostats
             .iter()
@@ -95,11 +101,12 @@ impl Source<'_> {
         shown.extend(jumped(page));
         shown.sort_unstable();
         shown.dedup();
-        let found: Result<Vec<(usize, Vec<ZeroPoint>)>, _> = shown
+        let found: Result<Vec<(usize, Vec<ZeroPoint>)>, Failure> = shown
             .into_par_iter()
             .filter_map(|line| {
                 let index = index_of.get(page.heliostats[line].id.as_str())?;
-                Some(zeros(*index).transpose()?.map(|zeros| (line, zeros)))
+                let zeros = self.found.all.zero_points(*index).transpose()?;
+                Some(zeros.map(|zeros| (line, zeros)).map_err(Failure::from))
             })
             .collect();
         for (line, zeros) in found? {
@@ -112,15 +119,16 @@ impl Source<'_> {
     }
 
     fn causes(&self) -> Vec<CauseLine> {
-        let of = |k: usize| self.found.worth.and_then(|worth| worth.get(k));
+        let of = |k: usize| self.found.all.worth.as_ref().and_then(|worth| worth.get(k));
         self.found
+            .all
             .causes
             .iter()
             .enumerate()
             .map(|(k, cause)| {
                 let description = cause.cause.description();
                 let (factor, unit) = for_people(description.unit);
-                let name = match target_of(cause.cause, self.found.targets) {
+                let name = match cause_target(cause.cause, &self.found.all.targets) {
                     "" => description.in_words.to_owned(),
                     target => {
                         let shift = description.in_words.replace(" of the target", "");
@@ -145,7 +153,7 @@ impl Source<'_> {
     }
 
     fn noise(&self) -> Vec<NumberLine> {
-        let (noise, wander) = (&self.found.state.noise, &self.found.state.wander);
+        let (noise, wander) = (&self.found.all.state.noise, &self.found.all.state.wander);
         [
             (
                 "scatter across the beam, either component",
@@ -186,7 +194,7 @@ impl Source<'_> {
     }
 
     fn heliostats(&self) -> Result<Vec<HeliostatLine>, Failure> {
-        let (found, observations) = (self.found, self.found.observations);
+        let (found, observations) = (self.found.all, self.found.run.observations);
         let mut of_row: Vec<Vec<RecordLine>> = vec![Vec::new(); self.loaded.field.len()];
         let indices = observations.heliostats.len();
         let every = found

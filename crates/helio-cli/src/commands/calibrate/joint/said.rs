@@ -1,8 +1,9 @@
 //! What a joint fit found, in words.
 
 use helio_calib::Parameter;
-use helio_calib::joint::{Cause, CommonCause, JointFit, Worth};
+use helio_calib::joint::{CommonCause, JointFit, Worth};
 use helio_core::TargetPlane;
+use helio_io::calibrate::joint::cause_target;
 
 use super::Run;
 
@@ -15,12 +16,6 @@ pub(super) fn for_people(unit: &str) -> (f64, &str) {
     }
 }
 
-/// The name of the target that a cause belongs to, or nothing.
-pub(super) fn target_of(cause: Cause, targets: &[(String, TargetPlane)]) -> &str {
-    let target = cause.target().and_then(|k| targets.get(k));
-    target.map_or("", |(name, _)| name.as_str())
-}
-
 /// Of a fit whose search ended early.
 pub(super) const STOPPED: &str = "the search for noise and wander stopped before its end: what is said of them, and \
                                   what is expected of beams, is as it was found until then";
@@ -28,7 +23,7 @@ pub(super) const STOPPED: &str = "the search for noise and wander stopped before
 fn cause_words(cause: &CommonCause, worth: &Worth, targets: &[(String, TargetPlane)]) -> String {
     let (factor, unit) = for_people(cause.cause.description().unit);
     let words = cause.cause.description().in_words;
-    let what = match target_of(cause.cause, targets) {
+    let what = match cause_target(cause.cause, targets) {
         "" => words.to_owned(),
         name => format!("{words} `{name}`"),
     };

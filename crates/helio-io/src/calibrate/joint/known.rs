@@ -6,15 +6,13 @@ use helio_calib::plan::year_suns;
 use helio_calib::{
     Campaign, Duty, Mount, Observation, Parameter, Parameters, Sighting, tilt_standard_error,
 };
+use helio_core::sun::positions;
 use helio_core::{EnuUnit, TargetPlane};
-use helio_io::calibrate::OK;
-use helio_io::{CalibratedSet, JointColumns, errors_as_written};
 use rayon::prelude::*;
 
-use super::{Run, days_of};
-use crate::commands::calibrate::LOWEST_SUN_RAD;
-use crate::failure::Failure;
-use crate::plan::{SunClock, toward};
+use super::{JointFound, JointRun, days_of};
+use crate::calibrate::{LOWEST_SUN_RAD, OK, RunError};
+use crate::calibrated::{CalibratedSet, JointColumns, errors_as_written};
 
 /// Hours of the day at which its sun is looked at, from half a day before.
 const HOURS: i64 = 24;
@@ -27,15 +25,15 @@ const YEAR_STEP: usize = 41;
 
 /// What the records of this run say of a heliostat.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Seen {
+pub struct Seen {
     /// Of the misses of records that are believed the sum of squares \[mrad²\]: of the beam, over the distance from
     /// pivot to target, and of the beam as it was expected.
     squares: [f64; 3],
     count: usize,
     /// Records while the field as a whole was off that a fit rests on, and all that it rests on.
-    pub off: [usize; 2],
+    pub(super) off: [usize; 2],
     /// First and last \[ns of Unix time\].
-    pub times: Option<(i64, i64)>,
+    pub times_ns: Option<(i64, i64)>,
 }
 
 impl Seen {
@@ -79,31 +77,44 @@ fn on_target_mrad(miss_mrad: [f64; 2], mount: &Mount, seen: &Observation) -> f64
 }
 
 /// The day that a table is for.
-pub(super) struct Day {
+#[derive(Debug, Clone)]
+pub struct Day {
     /// \[days since 1970\].
     pub day: f64,
     /// Its suns.
-    pub suns: Vec<EnuUnit>,
+    suns: Vec<EnuUnit>,
     /// Some of a year.
-    pub year: Vec<EnuUnit>,
+    year: Vec<EnuUnit>,
 }
 
-impl Run<'_> {
-    /// The day `--ahead` of the last day of the state.
-    pub(super) fn day(&self, state: &FieldState) -> Result<Day, Failure> {
-        let day = state.last_day().unwrap_or(f64::MIN) + self.args.joint.ahead;
+impl JointRun<'_> {
+    /// The day that is as far ahead of the last day of the state as is asked.
+    ///
+    /// # Errors
+    /// [`RunError`] where no sun can be computed, or without a site.
+    pub fn day(&self, state: &FieldState) -> Result<Day, RunError> {
+        let day = state.last_day().unwrap_or(f64::MIN) + self.asked.ahead_days;
         let middle = (day * DAY_NS) as i64;
         let hour_ns = 3_600_000_000_000;
         let times: Vec<i64> = (0..HOURS)
             .map(|hour| middle.saturating_add((hour - HOURS / 2) * hour_ns))
             .collect();
-        let (azimuth_rad, elevation_rad) = SunClock::needed(&self.loaded)?.suns(&times)?;
-        let suns = toward(&azimuth_rad, &elevation_rad);
-        let high = elevation_rad.iter().map(|e| *e > LOWEST_SUN_RAD);
-        let suns = suns.into_iter().zip(high);
+        super::needs_site(self.loaded)?;
+        let mut suns = Vec::with_capacity(times.len());
+        if let Some(site) = &self.loaded.site {
+            let ut1_utc_s = site.ut1_utc_s.unwrap_or(0.0);
+            let all = positions(&site.sun_site()?, &times, site.delta_t_s, ut1_utc_s)?;
+            let each = all.azimuth_rad.iter().zip(&all.apparent_elevation_rad);
+            suns.extend(
+                each.filter(|(_, elevation)| **elevation > LOWEST_SUN_RAD)
+                    .map(|(&azimuth, &elevation)| {
+                        EnuUnit::from_azimuth_elevation(azimuth, elevation)
+                    }),
+            );
+        }
         Ok(Day {
             day,
-            suns: suns.filter_map(|(sun, high)| high.then_some(sun)).collect(),
+            suns,
             year: year_suns(self.latitude_rad(), LOWEST_SUN_RAD)
                 .into_iter()
                 .step_by(YEAR_STEP)
@@ -112,23 +123,18 @@ impl Run<'_> {
     }
 
     /// A row for each heliostat of the state that is in the field, in the order of the field.
-    pub(super) fn sets(
-        &self,
-        state: &FieldState,
-        rows: &[Option<usize>],
-        seen: &[Seen],
-        day: &Day,
-    ) -> Result<Vec<CalibratedSet>, Failure> {
-        let mut places: Vec<(usize, usize)> = rows
-            .iter()
-            .enumerate()
-            .filter_map(|(place, row)| Some(((*row)?, place)))
-            .collect();
-        places.sort_unstable();
-        let spells = state.spells();
-        places
+    ///
+    /// # Errors
+    /// [`RunError`] where it is stopped.
+    pub fn sets(&self, found: &JointFound<'_>, day: &Day) -> Result<Vec<CalibratedSet>, RunError> {
+        found
+            .places()
             .into_par_iter()
-            .map(|(row, place)| self.set(state, row, place, &seen[place], (day, &spells)))
+            .map(|(row, place)| {
+                self.go_on()?;
+                let seen = &found.seen[place];
+                self.set(&found.state, row, place, seen, (day, &found.spells))
+            })
             .collect()
     }
 
@@ -139,7 +145,7 @@ impl Run<'_> {
         place: usize,
         seen: &Seen,
         (day, spells): (&Day, &[Spell]),
-    ) -> Result<CalibratedSet, Failure> {
+    ) -> Result<CalibratedSet, RunError> {
         let id = &self.loaded.field.ids()[row];
         let followed = &state.heliostats()[place];
         let known = state.known(place, day.day)?;
@@ -163,15 +169,16 @@ impl Run<'_> {
         };
         let year_mrad = state.pointing_mrad(place, &mount, day.day, &duty)?;
         let year_pointing_mrad = year_mrad.unwrap_or(f64::NAN);
-        let limit_mrad = self.args.fit.max_year_pointing_mrad;
-        let refused = (self.args.typed.contains(&"max_year_pointing_mrad")
-            && (year_pointing_mrad.is_nan() || year_pointing_mrad > limit_mrad))
-            .then(|| {
-                format!(
-                    "its pointing is uncertain by {year_pointing_mrad:.2} mrad over the year, more than the \
-                     {limit_mrad} of --max-year-pointing-mrad"
-                )
-            });
+        let exceeded = self
+            .asked
+            .max_year_pointing_mrad
+            .filter(|limit| year_pointing_mrad.is_nan() || year_pointing_mrad > *limit);
+        let refused = exceeded.map(|limit_mrad| {
+            format!(
+                "its pointing is uncertain by {year_pointing_mrad:.2} mrad over the year, more than the \
+                 {limit_mrad} of --max-year-pointing-mrad"
+            )
+        });
         mount.pose_errors = known.pose_errors;
         let plane = TargetPlane::level(
             aim,
@@ -219,7 +226,7 @@ impl Run<'_> {
             year_pointing_mrad,
             observations: followed.believed() as usize,
             rejected: (followed.records - followed.believed()) as usize,
-            observed_ns: seen.times,
+            observed_ns: seen.times_ns,
             joint: Some(JointColumns {
                 pose_sigmas_rad: known.pose_sigmas_rad,
                 jumps: followed.jump_count as usize,
