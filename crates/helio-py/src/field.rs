@@ -395,16 +395,6 @@ impl PyField {
         self.inner.files().to_vec()
     }
 
-    /// The field itself, which never changes.
-    fn __copy__(slf: Py<Self>) -> Py<Self> {
-        slf
-    }
-
-    /// The field itself, which never changes.
-    fn __deepcopy__(slf: Py<Self>, _memo: &Bound<'_, PyAny>) -> Py<Self> {
-        slf
-    }
-
     /// A field of columns is pickled as its columns, one of files as their names and hashes: it is read again,
     /// and refused if they have changed.
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {

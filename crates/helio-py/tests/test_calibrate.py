@@ -118,8 +118,8 @@ CALLS: list[tuple[type[hp.HelioError], str, str | None, dict[str, Any]]] = [
     (hp.OptionError, "hold: unknown parameter `tilt`", "hold", {"hold": "tilt"}),
     (hp.OptionError, "prior: mirror_tilt=0.0:-1.0: the standard deviation must be above zero", "prior", {"prior": {"mirror_tilt": (0, -1)}}),
     (hp.OptionError, "hold: mirror_offset and fit_mirror_offset contradict", "hold", {"hold": "mirror_offset", "fit_mirror_offset": True}),
-    (hp.DataTypeError, "prior: mirror_tilt: expected a mean", "prior", {"prior": {"mirror_tilt": 3}}),
-    (hp.DataTypeError, "hold: expected str", "hold", {"hold": 3}),
+    (hp.DataTypeError, "prior: mirror_tilt: expected two numbers", "prior", {"prior": {"mirror_tilt": 3}}),
+    (hp.DataTypeError, "hold: expected a sequence of str, got int", "hold", {"hold": 3}),
     (hp.DataTypeError, "progress: expected a callable", "progress", {"progress": 3}),
 ]  # fmt: skip
 

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
-from helio_py._errors import DataTypeError, OptionError
+from helio_py._checked import flag, number, pair, text, texts, whole, wrong_type, wrong_value
+from helio_py._errors import HelioError
 from helio_py._native import Field, _calibrate, _write_table
 from helio_py._progress import reporter
 from helio_py._tables import Column, given_back, kind_of
@@ -28,6 +29,18 @@ _ERRORS = (
     "elevation_reference_rad",
 )
 _TABLES = ("calibration", "rejected", "residuals")
+#: Options of heliostat by heliostat, as they are unless somebody says otherwise.
+_USUAL: dict[str, Any] = {
+    "solver": "hartley-meyer",
+    "residual": "components",
+    "robust": "none",
+    "sets": "1",
+    "fit_mirror_offset": False,
+    "hold": [],
+    "prior": [],
+    "keep_all": False,
+    "no_jumps": False,
+}
 
 
 class Calibration:
@@ -167,10 +180,8 @@ class Calibration:
         return list(self._found["warnings"])
 
     def _table(self, kind: str) -> list[Column]:
-        if kind not in _TABLES:
-            error = OptionError(f"kind: wanted {', '.join(_TABLES[:-1])} or {_TABLES[-1]}, got `{kind}`")
-            error.field = "kind"
-            raise error
+        if not isinstance(kind, str) or kind not in _TABLES:
+            raise wrong_value("kind", f"wanted {', '.join(_TABLES[:-1])} or {_TABLES[-1]}, got `{kind}`")
         columns: list[Column] = self._found[kind]
         return columns
 
@@ -183,7 +194,8 @@ class Calibration:
             "calibration", the table that ``helio-rs track`` reads; "rejected", the records set aside and why; or
             "residuals", for every record the spot seen (`u_m`, `v_m`), where its beam should have landed
             (`predicted_u_m`, `predicted_v_m`) and where by the errors of the field before (`before_u_m`,
-            `before_v_m`), with the angles to both [mrad].
+            `before_v_m`), with the angles to both [mrad]; the prediction is NaN for a record that no calibration uses,
+            one of "rejected".
         """
         return given_back(self._table(kind), self._kind)
 
@@ -197,19 +209,13 @@ class Calibration:
         As if `field.toml` named the written table: heliostats without a result keep what the layout states. The field
         must have been read from files, and these must not have changed.
         """
+        if not isinstance(field, Field):
+            raise wrong_type("field", "a Field", field)
         return field._calibrated(self._found["calibration"])
 
 
 def _words(name: str, value: Any) -> list[str]:
-    if isinstance(value, str):
-        return [value]
-    if isinstance(value, Iterable) and not isinstance(value, (bytes, Mapping)):
-        words = list(value)
-        if all(isinstance(word, str) for word in words):
-            return words
-    error = DataTypeError(f"{name}: expected str or a sequence of str, got {type(value).__name__}")
-    error.field = name
-    raise error
+    return [text(name, value)] if isinstance(value, str) else texts(name, value)
 
 
 def _priors(prior: Any) -> list[str]:
@@ -218,13 +224,16 @@ def _priors(prior: Any) -> list[str]:
     words = []
     for name, value in prior.items():
         try:
-            mean, sigma = (float(number) for number in value)
-        except (TypeError, ValueError):
-            error = DataTypeError(f"prior: {name}: expected a mean and a standard deviation, got {value!r}")
+            mean, sigma = pair(f"prior: {name}", value)
+        except HelioError as error:
             error.field = "prior"
-            raise error from None
-        words.append(f"{name}={mean!r}:{sigma!r}")
+            raise
+        words.append(f"{text('prior', name)}={mean!r}:{sigma!r}")
     return words
+
+
+def _sets(sets: Any) -> str:
+    return text("sets", sets) if isinstance(sets, str) else str(whole("sets", sets, 0, 2**63))
 
 
 @overload
@@ -416,50 +425,44 @@ def calibrate(
     ...     "taken in already" in str(error)
     True
     """
-    if joint or update is not None:
+    words = {
+        "solver": text("solver", solver),
+        "residual": text("residual", residual),
+        "robust": text("robust", robust),
+        "sets": _sets(sets),
+        "fit_mirror_offset": flag("fit_mirror_offset", fit_mirror_offset),
+        "hold": _words("hold", hold),
+        "prior": _priors(prior),
+        "keep_all": flag("keep_all", keep_all),
+        "no_jumps": flag("no_jumps", no_jumps),
+    }
+    most = None if max_year_pointing_mrad is None else number("max_year_pointing_mrad", max_year_pointing_mrad)
+    if flag("joint", joint) or update is not None:
         from helio_py._joint import as_one
 
-        usual: tuple[tuple[str, Any, Any], ...] = (
-            ("solver", solver, "hartley-meyer"),
-            ("residual", residual, "components"),
-            ("robust", robust, "none"),
-            ("sets", str(sets), "1"),
-            ("fit_mirror_offset", fit_mirror_offset, False),
-            ("hold", _words("hold", hold), []),
-            ("prior", _priors(prior), []),
-            ("keep_all", keep_all, False),
-            ("no_jumps", no_jumps, False),
-        )
-        given = {name: value for name, value, default in usual if value != default}
         asked = {
             "joint": joint,
             "update": update,
             "state": state,
-            "keep_all": keep_all,
-            "no_jumps": no_jumps,
+            "keep_all": words["keep_all"],
+            "no_jumps": words["no_jumps"],
             "ahead_days": ahead_days,
-            "max_year_pointing_mrad": max_year_pointing_mrad,
+            "max_year_pointing_mrad": most,
             "leftovers": leftovers,
             "plan": plan,
         }
+        given = {name: value for name, value in words.items() if value != _USUAL[name]}
         return as_one(field, observations, spots, given, asked, progress)
-    for name, value in (("state", state), ("ahead_days", ahead_days), ("leftovers", leftovers or None), ("plan", plan)):
+    for name, value in (
+        ("state", state),
+        ("ahead_days", ahead_days),
+        ("leftovers", flag("leftovers", leftovers) or None),
+        ("plan", plan),
+    ):
         if value is not None:
-            error = OptionError(f"{name}: is of the field as one; wanted joint=True or update beside it")
-            error.field = name
-            raise error
-    words = {
-        "solver": solver,
-        "residual": residual,
-        "robust": robust,
-        "sets": str(sets),
-        "fit_mirror_offset": fit_mirror_offset,
-        "hold": _words("hold", hold),
-        "prior": _priors(prior),
-        "keep_all": keep_all,
-        "no_jumps": no_jumps,
-        "max_year_pointing_mrad": 2.0 if max_year_pointing_mrad is None else max_year_pointing_mrad,
-    }
+            raise wrong_value(name, "is of the field as one; wanted joint=True or update beside it")
     with reporter(progress, "heliostats") as report:
-        found = _calibrate(field, observations, spots, words, report)
+        found = _calibrate(
+            field, observations, spots, {**words, "max_year_pointing_mrad": 2.0 if most is None else most}, report
+        )
     return Calibration(found, kind_of(observations))

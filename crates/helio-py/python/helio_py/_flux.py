@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 import numpy as np
 
+from helio_py._checked import array, number, of, several, text, whole, wrong_type
+from helio_py._checked import path as checked_path
 from helio_py._errors import DataTypeError, OptionError, ShapeError
 from helio_py._native import Field, Flux, _flux_camera, _flux_field, _flux_mesh
 from helio_py._progress import reporter
@@ -335,20 +337,20 @@ def _of_mesh(
         raise _option("element_set", "it stands beside surface; wanted one")
     files = _is_path(mesh)
     asked = {
-        "model": mesh if files else None,
-        "elements": elements if files else None,
-        "displacements": displacements if files else None,
-        "step": step,
-        "vectors": vectors,
-        "unit": unit,
-        "surface": surface,
-        "element_set": element_set,
-        "method": method,
+        "model": checked_path("mesh", mesh) if files else None,
+        "elements": None,
+        "displacements": None,
+        "step": None if step is None else whole("step", step, 0, 2**31 - 1),
+        "method": text("method", method),
     }
+    words = (("vectors", vectors), ("unit", unit), ("surface", surface), ("element_set", element_set))
+    asked.update({name: None if word is None else text(name, word) for name, word in words})
     if files:
-        for name in ("elements", "displacements"):
-            if asked[name] is not None and not _is_path(asked[name]):
-                raise _type(name, f"expected a path beside the path of a mesh, got {type(asked[name]).__name__}")
+        for name, path in (("elements", elements), ("displacements", displacements)):
+            if path is not None:
+                if not _is_path(path):
+                    raise wrong_type(name, "a path beside the path of a mesh", path)
+                asked[name] = checked_path(name, path)
         return _flux_mesh(asked, None, [], None, scene, report)
     for name in ("step", "vectors", "unit", "surface", "element_set"):
         if asked[name] is not None:
@@ -360,15 +362,13 @@ def _of_mesh(
 
 def _corners(elements: Any) -> list[list[int]]:
     """Rows of nodes of each shell."""
-    array = np.asarray(elements)
-    if array.ndim != 2 or array.shape[1] not in (3, 4):
-        error = ShapeError(f"elements: expected shape (m, 3) or (m, 4), got {array.shape}")
-        error.field = "elements"
-        raise error
-    if array.dtype.kind not in "iu":
-        raise _type("elements", f"expected whole numbers, got dtype {array.dtype}")
+    shells = array("elements", elements)
+    if shells.ndim != 2 or shells.shape[1] not in (3, 4):
+        raise of(ShapeError(f"elements: expected shape (m, 3) or (m, 4), got {shells.shape}"), "elements")
+    if shells.dtype.kind not in "iu":
+        raise _type("elements", f"expected whole numbers, got dtype {shells.dtype}")
     corners = []
-    for row, nodes in enumerate(array.tolist()):
+    for row, nodes in enumerate(shells.tolist()):
         kept = nodes[:3] if len(nodes) == 4 and nodes[3] == -1 else nodes
         if min(kept) < 0:
             below = OptionError(f"elements: row {row}: nodes are counted from 0, got {nodes}")
@@ -409,12 +409,7 @@ def _of_field(
             raise error
         sun = field.sun_position(time)
         angles = [sun.azimuth_rad, sun.elevation_rad]
-    numbers = []
-    for name, angle in zip(("sun_azimuth_rad", "sun_elevation_rad"), angles, strict=True):
-        number: NDArray[Any] = np.asarray(angle)
-        if number.ndim or number.dtype.kind not in "fiu":
-            raise _type(name, f"expected one number, got {type(angle).__name__}")
-        numbers.append(float(number))
+    numbers = [number("sun_azimuth_rad", angles[0]), number("sun_elevation_rad", angles[1])]
     return _flux_field(field, scene, numbers[0], numbers[1], None if at is None else int(at), report)
 
 
@@ -423,17 +418,20 @@ def _of_camera(
 ) -> CameraFlux:
     if gauge is None:
         raise _option("gauge", "a picture wants the reading of a gauge: (x_px, y_px, flux_w_m2)")
-    reading = [float(number) for number in gauge]
+    reading = [number("gauge", one) for one in several("gauge", gauge, "(x_px, y_px, flux_w_m2)")]
     if len(reading) not in (3, 4):
         error = ShapeError(f"gauge: expected (x_px, y_px, flux_w_m2) or with radius_px, got {len(reading)} numbers")
         error.field = "gauge"
         raise error
-    path, gray = (camera, None) if _is_path(camera) else (None, np.asarray(camera))
+    path, gray = (checked_path("camera", camera), None) if _is_path(camera) else (None, array("camera", camera))
     if gray is not None and white is None:
         if gray.dtype not in (np.uint8, np.uint16):
             raise _option("white", f"an array of dtype {gray.dtype} does not say from which gray value on it is full")
         white = float(np.iinfo(gray.dtype).max)
     reading += [0.0] * (4 - len(reading))
+    dark = number("dark", dark)
+    white = None if white is None else number("white", white)
+    target = None if target is None else checked_path("target", target)
     flux_w_m2, full, per_gray, dark_gray, white_gray, seen = _flux_camera(path, gray, white, reading, dark, target)
     seen = None if seen is None else TargetMap(*seen)
     return CameraFlux(flux_w_m2, full, per_gray, dark_gray, white_gray, seen)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from helio_py._calibrate import Calibration
-from helio_py._errors import DataTypeError, OptionError
+from helio_py._checked import flag, number, path, several, text, whole, wrong_type, wrong_value
 from helio_py._native import _calibrate_joint
 from helio_py._progress import reporter
 from helio_py._tables import Column, kind_of
@@ -102,10 +102,8 @@ class JointCalibration(Calibration):
 
     def _table(self, kind: str) -> list[Column]:
         known = [name for name in _TABLES if name in self._found]
-        if kind not in known:
-            error = OptionError(f"kind: wanted {', '.join(known[:-1])} or {known[-1]}, got `{kind}`")
-            error.field = "kind"
-            raise error
+        if not isinstance(kind, str) or kind not in known:
+            raise wrong_value("kind", f"wanted {', '.join(known[:-1])} or {known[-1]}, got `{kind}`")
         columns: list[Column] = self._found[kind]
         return columns
 
@@ -120,10 +118,8 @@ def _state_of(update: Any) -> tuple[str, bytes | None]:
     if isinstance(update, (bytes, bytearray, memoryview)):
         return "state", bytes(update)
     if isinstance(update, (str, os.PathLike)):
-        return os.fspath(update), None
-    error = DataTypeError(f"update: expected a path, bytes or a JointCalibration, got {type(update).__name__}")
-    error.field = "update"
-    raise error
+        return path("update", update), None
+    raise wrong_type("update", "a path, bytes or a JointCalibration", update)
 
 
 def as_one(
@@ -136,28 +132,21 @@ def as_one(
 ) -> JointCalibration:
     """Calibrates a field as one; ``given`` are options of other fits that were not left as they are."""
     if words["joint"] and words["update"] is not None:
-        error = OptionError("joint: with update: a state is begun by one and followed by the other")
-        error.field = "joint"
-        raise error
-    if words["update"] is not None and words["leftovers"]:
-        error = OptionError("leftovers: with update: what is left by pose is found by a joint fit only")
-        error.field = "leftovers"
-        raise error
-    state = words["state"]
-    if state is not None and not isinstance(state, (str, os.PathLike)):
-        refused = DataTypeError(f"state: expected a path, got {type(state).__name__}")
-        refused.field = "state"
-        raise refused
+        raise wrong_value("joint", "with update: a state is begun by one and followed by the other")
+    leftovers = flag("leftovers", words["leftovers"])
+    if words["update"] is not None and leftovers:
+        raise wrong_value("leftovers", "with update: what is left by pose is found by a joint fit only")
+    state, ahead_days = words["state"], words["ahead_days"]
     asked = {
         "given": list(given),
         "keep_all": words["keep_all"],
         "no_jumps": words["no_jumps"],
-        "ahead_days": 1.0 if words["ahead_days"] is None else words["ahead_days"],
+        "ahead_days": 1.0 if ahead_days is None else number("ahead_days", ahead_days),
         "max_year_pointing_mrad": words["max_year_pointing_mrad"],
-        "leftovers": words["leftovers"],
+        "leftovers": leftovers,
         "plan": plan_of(words["plan"]),
         "update": None if words["update"] is None else _state_of(words["update"]),
-        "state": None if state is None else os.fspath(state),
+        "state": None if state is None else path("state", state),
     }
     with reporter(progress, "heliostats") as report:
         found = _calibrate_joint(field, observations, spots, asked, report)
@@ -168,10 +157,7 @@ def plan_of(plan: Any) -> tuple[int, str] | None:
     """A number of observations and their day."""
     if plan is None:
         return None
-    try:
-        count, day = plan
-        return int(count), str(day)
-    except (TypeError, ValueError):
-        error = DataTypeError(f"plan: expected a number and a day, such as (3, '2026-06-21'), got {plan!r}")
-        error.field = "plan"
-        raise error from None
+    parts = several("plan", plan, "a number and a day, such as (3, '2026-06-21')")
+    if len(parts) != 2:
+        raise wrong_value("plan", f"wanted a number and a day, such as (3, '2026-06-21'), got {len(parts)} parts")
+    return whole("plan", parts[0], 0, 2**32 - 1), text("plan", parts[1])

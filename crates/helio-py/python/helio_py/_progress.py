@@ -6,7 +6,7 @@ import importlib
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from helio_py._errors import DataTypeError
+from helio_py._checked import wrong_type, wrong_value
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -20,7 +20,10 @@ def reporter(
     if progress is None or progress is False:
         yield None
     elif progress is True:
-        tqdm = importlib.import_module("tqdm.auto").tqdm  # only where it is asked for
+        try:
+            tqdm = importlib.import_module("tqdm.auto").tqdm  # only where it is asked for
+        except ImportError:
+            raise wrong_value("progress", "True wants tqdm, which is not installed: pip install tqdm") from None
         with tqdm(unit=what, unit_scale=True) as bar:
 
             def report(done: int, all_: int) -> None:
@@ -31,6 +34,4 @@ def reporter(
     elif callable(progress):
         yield progress
     else:
-        error = DataTypeError(f"progress: expected a callable, True or None, got {type(progress).__name__}")
-        error.field = "progress"
-        raise error
+        raise wrong_type("progress", "a callable, True or None", progress)

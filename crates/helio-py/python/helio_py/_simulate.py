@@ -10,6 +10,7 @@ from helio_py._checked import flag, number, of, pair, several, text, texts, whol
 from helio_py._errors import ShapeError
 from helio_py._native import Field, _simulate_field, _simulate_observations
 from helio_py._progress import reporter
+from helio_py._tables import checked_kind, given_back
 
 if TYPE_CHECKING:
     import os
@@ -192,6 +193,17 @@ class SimulatedObservations:
         table = self._campaign.observations()
         table["time"] = table["time"].view("datetime64[ns]")
         return table
+
+    def to_table(self, kind: str = "dict") -> Any:
+        """The same as "dict" (of arrays), "pandas", "polars" or "pyarrow", times with their zone: what `calibrate` takes."""
+        table = self.observations
+        holds = {"time": "times", "heliostat_id": "text", "target": "text"}
+        columns = [
+            (name, held, cells.view(np.int64) if held == "times" else cells)
+            for name, cells in table.items()
+            for held in (holds.get(name, "numbers"),)
+        ]
+        return given_back(columns, checked_kind(kind))
 
     @property
     def truth(self) -> dict[str, Any]:

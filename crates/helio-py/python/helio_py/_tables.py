@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from helio_py._checked import path
+from helio_py._checked import of, path
 from helio_py._errors import DataTypeError, HelioError, OptionError, ShapeError
 
 if TYPE_CHECKING:
@@ -44,6 +44,11 @@ def taken(value: Any, what: str) -> Any:
             return _with_typed_columns(value).__arrow_c_stream__()
         except ImportError:  # pandas without pyarrow
             return taken({str(name): value[name] for name in value.columns}, what)
+        except HelioError:
+            raise
+        except Exception as cause:  # two columns of one name, cells of several kinds: pandas and Arrow say it their way
+            reason = f"{what}: {type(value).__name__} hands out no Arrow table: {cause}"
+            raise of(DataTypeError(reason), what) from cause
     error = DataTypeError(
         f"{what}: expected a table (pandas, polars, pyarrow, a dict of columns or a path), got {type(value).__name__}"
     )
@@ -92,7 +97,7 @@ def _column(name: str, cells: Any, what: str) -> Column:
     kind = array.dtype.kind
     if kind == "f":
         return name, "numbers", np.ascontiguousarray(array, dtype=np.float64)
-    if kind in "iub":
+    if kind in "iu":
         return name, "whole", np.ascontiguousarray(array, dtype=np.int64)
     if kind == "M":
         return name, "times", _times(array, name, what)
@@ -138,7 +143,7 @@ def checked_kind(kind: Any) -> str:
     """A kind of table that somebody asks for by name."""
     kinds = ("dict", "pandas", "polars", "pyarrow")
     if not isinstance(kind, str) or kind not in kinds:
-        error = OptionError(f"kind: wanted {', '.join(kinds[:-1])} or {kinds[-1]}, got {kind!r}")
+        error = OptionError(f"kind: wanted {', '.join(kinds[:-1])} or {kinds[-1]}, got `{kind}`")
         error.field = "kind"
         raise error
     return kind

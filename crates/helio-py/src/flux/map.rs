@@ -1,7 +1,7 @@
 //! `Flux`: the irradiance of a receiver, and where the rest of the light went.
 
 use std::ffi::OsStr;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use helio_core::Status;
 use helio_flux::deform::{write_csv, write_vtk as write_slopes_vtk};
@@ -17,6 +17,7 @@ use pyo3::types::PyDict;
 use super::kept::{self, Kept};
 use crate::array::owned;
 use crate::failure::Failure;
+use crate::given;
 use crate::guard::guarded;
 use crate::table::given_back;
 
@@ -249,8 +250,10 @@ impl PyFlux {
     /// Writes the map as `helio-rs flux --out` does, by the suffix of the path: .csv, .parquet, .json, .jsonl, or .vtk
     /// for ParaView. The file appears whole or not at all.
     #[pyo3(signature = (path))]
-    fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+    fn write(&self, path: &Bound<'_, PyAny>) -> PyResult<()> {
         guarded(|| {
+            let py = path.py();
+            let path = given::path(path, "path")?;
             py.detach(|| {
                 if suffix_is(&path, "vtk") {
                     write_file_with(&path, |out| write_vtk(out, &self.receiver, &self.map))?;
@@ -272,8 +275,10 @@ impl PyFlux {
 
     /// Writes the slope errors as `helio-rs flux --slopes` does: .csv, or .vtk for ParaView.
     #[pyo3(signature = (path))]
-    fn write_slopes(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+    fn write_slopes(&self, path: &Bound<'_, PyAny>) -> PyResult<()> {
         guarded(|| {
+            let py = path.py();
+            let path = given::path(path, "path")?;
             let Some((shape, mirror)) = &self.slopes else {
                 let message = "there are no slope errors: the mirror is no mesh with displacements";
                 return Err(Failure::new("OptionError", message));
