@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from helio_py._errors import DataTypeError, OptionError
@@ -43,6 +41,8 @@ class Accuracy:
 
     def __init__(self, judged: Any) -> None:
         """Of what the native part found; not for users."""
+        import json  # which `import helio_py` alone does without
+
         self._judged = judged
         self._html: str | None = None
         self._json: str = judged.json()
@@ -119,6 +119,8 @@ class Accuracy:
 
     def to_dict(self) -> dict[str, Any]:
         """Everything, as ``helio-rs accuracy --out`` writes it."""
+        import json
+
         return json.loads(self._json)
 
     def to_table(self, kind: str = "dict") -> Any:
@@ -138,6 +140,8 @@ class Accuracy:
 
     def write(self, path: str | PathLike[str]) -> None:
         """Writes the page (.html), everything (.json), or the table of frames (.csv, .parquet, .jsonl)."""
+        from pathlib import Path
+
         suffix = Path(path).suffix.lower()
         if suffix in (".html", ".htm"):
             Path(path).write_text(self.to_html(), encoding="utf-8")
