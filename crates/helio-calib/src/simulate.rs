@@ -200,12 +200,30 @@ pub fn simulate(
     site: &SunSite,
     options: &SimulateOptions,
 ) -> Result<Simulated, CalibrationError> {
+    simulate_while(mount, errors, targets, site, options, &|| true)
+}
+
+/// Like [`simulate`], for as long as somebody wants it: `goes_on` is asked before every observation.
+///
+/// # Errors
+/// Those of [`simulate`], and [`CalibrationError::Stopped`].
+pub fn simulate_while(
+    mount: &Mount,
+    errors: &Parameters,
+    targets: &[TargetPlane],
+    site: &SunSite,
+    options: &SimulateOptions,
+    goes_on: &dyn Fn() -> bool,
+) -> Result<Simulated, CalibrationError> {
     check(errors, targets, options)?;
     let faults = faults(options, targets.len());
     let clock = Clock::new(site, options)?;
     let mut times = std::collections::BTreeSet::new();
     let mut rows = Vec::with_capacity(options.count);
     for (row, fault) in faults.into_iter().enumerate() {
+        if !goes_on() {
+            return Err(CalibrationError::Stopped);
+        }
         let mut random = Random::stream(options.seed, row as u64 + 1);
         // Drawn first, so that they do not depend on how often a time is drawn.
         let noise = random.normal_pair();

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import subprocess
+import sys
+import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -148,3 +150,51 @@ def test_progress_counts_heliostats(example: hp.Field) -> None:
     told: list[tuple[int, int]] = []
     hp.simulate_observations(example, heliostats=20, count=3, progress=lambda done, of: told.append((done, of)))
     assert told[-1] == (20, 20)
+
+
+@pytest.mark.parametrize("more", ["count=3000", "count=2000, hours=(11, 13)", "heliostats=1, count=300_000"])
+def test_a_signal_ends_a_campaign(root: Path, more: str) -> None:
+    script = textwrap.dedent(
+        f"""
+        import os, signal, threading, time
+        import helio_py as hp
+
+        field = hp.Field.from_toml("examples/field.toml")
+        sent = []
+
+        def interrupt():
+            sent.append(time.perf_counter())
+            os.kill(os.getpid(), signal.SIGINT)
+
+        threading.Timer(0.3, interrupt).start()
+        try:
+            hp.simulate_observations(field, {more})
+        except KeyboardInterrupt:
+            print("stopped")
+        """
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False, cwd=root)
+    assert done.stdout == "stopped\n", done.stderr
+
+
+def test_a_campaign_ends_when_its_progress_raises(root: Path) -> None:
+    field = hp.Field.from_toml(root / "examples/field.toml")
+    told = []
+
+    def progress(done: int, of: int) -> None:
+        told.append((done, of))
+        raise RuntimeError("enough")
+
+    with pytest.raises(RuntimeError, match="enough"):
+        hp.simulate_observations(field, count=3000, progress=progress)
+    assert len(told) == 1
+    assert told[0][0] < told[0][1]
+
+
+def test_observations_go_back_as_tables_of_every_kind(root: Path) -> None:
+    field = hp.Field.from_toml(root / "examples/field.toml")
+    seen = hp.simulate_observations(field, heliostats=3, count=12)
+    wanted = hp.calibrate(field, seen.observations)
+    for kind in ("dict", "pandas", "polars", "pyarrow"):
+        found = hp.calibrate(field, seen.to_table(kind))
+        assert found.mirror_tilt_rad.tobytes() == wanted.mirror_tilt_rad.tobytes(), kind

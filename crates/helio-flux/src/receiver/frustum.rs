@@ -70,9 +70,9 @@ impl Frustum {
         check_point(WHO, "base_m", base_m)?;
         check_length(WHO, "greater radius", base_radius_m.max(end_radius_m))?;
         check_length(WHO, "height_m", height_m)?;
-        let least = base_radius_m.min(end_radius_m);
-        if least.is_nan() || least < 0.0 {
-            return Err(bad(WHO, "smaller radius", "at least 0 m", least));
+        // Of a number and NaN the least is the number.
+        if let Some(&radius_m) = radii_m.iter().find(|r| r.is_nan() || **r < 0.0) {
+            return Err(bad(WHO, "smaller radius", "at least 0 m", radius_m));
         }
         check_grid(WHO, rows, columns)?;
         let axis = check_direction(WHO, "axis", axis)?;

@@ -1,7 +1,7 @@
 //! Synthetic campaigns of camera observations.
 
 use helio_calib::random::Random;
-use helio_calib::simulate::{ErrorSpread, SimulateOptions, simulate};
+use helio_calib::simulate::{ErrorSpread, SimulateOptions, simulate_while};
 use helio_calib::{CalibrationError, Mount, Observation, Parameters};
 use helio_core::angle::degrees;
 use helio_core::{MountErrors, TargetPlane};
@@ -149,13 +149,10 @@ impl SimulatedObservations {
         let all: Vec<Result<Option<Vec<Observation>>, SimulateError>> = rows
             .par_iter()
             .map(|&row| {
-                // Asked before, so that those still to come end at once.
-                if !watch(0, rows.len() as u64) {
-                    return Err(SimulateError::Stopped);
-                }
-                let seen = campaign.of(row);
-                watch(1, rows.len() as u64);
-                seen
+                let all = rows.len() as u64;
+                let seen = campaign.of(row, &|| watch(0, all))?;
+                watch(1, all);
+                Ok(seen)
             })
             .collect();
         let all: Vec<Option<Vec<Observation>>> = all.into_iter().collect::<Result<_, _>>()?;
@@ -312,7 +309,11 @@ impl<'a> Campaign<'a> {
     }
 
     /// The observations of a heliostat, their targets numbered as here; `None` if no target faces it.
-    fn of(&self, row: usize) -> Result<Option<Vec<Observation>>, SimulateError> {
+    fn of(
+        &self,
+        row: usize,
+        goes_on: &dyn Fn() -> bool,
+    ) -> Result<Option<Vec<Observation>>, SimulateError> {
         let mount = self.mount(row);
         let facing: Vec<usize> = (0..self.targets.len())
             .filter(|&k| {
@@ -346,12 +347,15 @@ impl<'a> Campaign<'a> {
             neighbours,
             ..self.plan.options.clone()
         };
-        let seen = simulate(&mount, &self.parameters(row), &planes, &self.site, &options).map_err(
-            |error| SimulateError::Heliostat {
-                id: self.loaded.field.ids()[row].clone(),
-                error: Box::new(error),
-            },
-        )?;
+        let parameters = self.parameters(row);
+        let seen = simulate_while(&mount, &parameters, &planes, &self.site, &options, goes_on)
+            .map_err(|error| match error {
+                CalibrationError::Stopped => SimulateError::Stopped,
+                error => SimulateError::Heliostat {
+                    id: self.loaded.field.ids()[row].clone(),
+                    error: Box::new(error),
+                },
+            })?;
         let mut observations = seen.observations;
         for observation in &mut observations {
             observation.target = facing[observation.target];

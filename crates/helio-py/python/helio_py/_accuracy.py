@@ -42,6 +42,7 @@ class Accuracy:
 
     def __init__(self, judged: Any) -> None:
         """Of what the native part found; not for users."""
+
         self._judged = judged
         self._html: str | None = None
         self._json: str = judged.json()

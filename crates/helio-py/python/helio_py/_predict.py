@@ -63,7 +63,16 @@ def predict(
     times: Any | None = None,
 ) -> Prediction: ...
 @overload
-def predict(field: Field, azimuth_rad: Any, /, *, kind: str | None = None) -> Any: ...
+def predict(
+    field: Field,
+    azimuth_rad: Any,
+    elevation_rad: None = None,
+    sun_azimuth_rad: None = None,
+    sun_elevation_rad: None = None,
+    *,
+    times: None = None,
+    kind: str | None = None,
+) -> Any: ...
 def predict(
     field: Field,
     azimuth_rad: Any,
