@@ -272,8 +272,10 @@ fn told(
         run.loaded,
         run.observations,
     )?;
+    run.go_on()?;
     all.write_causes(table("causes"), csv)?;
     run.write_steps(all, table("steps"), csv)?;
+    run.go_on()?;
     let ids = run.loaded.field.ids();
     let mut leftovers = None;
     if words.leftovers
@@ -285,6 +287,7 @@ fn told(
         let (amplitude, length) = (left.amplitude_mrad, left.length_rad);
         leftovers = Some((left.admitted, amplitude, length, left.log_evidence));
     }
+    run.go_on()?;
     if let Some(proposals) = proposals {
         let rows = run.propose(proposals, all)?;
         proposals.write(&rows, run.loaded, table("plan"), csv)?;
@@ -309,6 +312,7 @@ fn told(
         ],
         None => [f64::NAN; 6],
     });
+    run.go_on()?;
     Ok(Found {
         joint: joint.collect(),
         findings: jumps.chain(alarms).collect(),

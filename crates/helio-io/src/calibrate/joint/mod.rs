@@ -300,9 +300,11 @@ impl JointRun<'_> {
         (self.say)(Remark::Note(words));
     }
 
+    /// Asks whether to go on, which callers do between the tables that they write.
+    ///
     /// # Errors
     /// [`RunError::Calibration`] where whoever watches asked to stop.
-    fn go_on(&self) -> Result<(), RunError> {
+    pub fn go_on(&self) -> Result<(), RunError> {
         if (self.watch)(0, 0) {
             Ok(())
         } else {
