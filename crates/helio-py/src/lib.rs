@@ -38,7 +38,8 @@ mod watch;
 use pyo3::prelude::*;
 
 /// The native part of `helio_py`; private: import from `helio_py`.
-#[pymodule(gil_used = false)]
+// Not tried without the GIL: a free-threaded interpreter turns it on for us.
+#[pymodule(gil_used = true)]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("_optimised", !cfg!(debug_assertions))?;
