@@ -69,6 +69,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(calibrate::_calibrate, module)?)?;
     module.add_function(wrap_pyfunction!(joint::_calibrate_joint, module)?)?;
     module.add_function(wrap_pyfunction!(table::_write_table, module)?)?;
+    module.add_function(wrap_pyfunction!(table::_write_text, module)?)?;
 
     module.add_function(wrap_pyfunction!(spots::_find_spots, module)?)?;
     module.add_function(wrap_pyfunction!(spots::_frame_files, module)?)?;

@@ -14,7 +14,7 @@ use arrow::datatypes::{Field as ArrowField, Schema};
 use arrow::error::ArrowError;
 use arrow::ffi_stream::{ArrowArrayStreamReader, FFI_ArrowArrayStream};
 use helio_io::output::{Cells, Destination, Format, KeptCells, write_columns};
-use helio_io::{MemoryTable, TableSource};
+use helio_io::{MemoryTable, TableSource, write_file};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -237,5 +237,15 @@ pub(crate) fn _write_table(
             })
             .collect();
         Ok(py.detach(|| write_columns(Destination::File(path.clone()), format, &cells))?)
+    })
+}
+
+/// Writes a text to a file that appears whole or not at all.
+#[pyfunction]
+pub(crate) fn _write_text(path: &Bound<'_, PyAny>, text: &str) -> PyResult<()> {
+    guarded(|| {
+        let py = path.py();
+        let path = given::path(path, "path")?;
+        Ok(py.detach(|| write_file(&path, text.as_bytes()))?)
     })
 }

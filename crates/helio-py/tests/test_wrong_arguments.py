@@ -189,3 +189,15 @@ def test_wrong_arguments_are_refused_by_our_own_errors(
                         continue
                     wrong.append(f"{name}({argument}={what}): {type(error).__name__}: {error}")
     assert not wrong, f"{len(wrong)} of {tried}:\n" + "\n".join(wrong)
+
+
+def test_what_cannot_be_written_is_an_error_of_ours(
+    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(root)
+    writers = {name: call for name, (call, _) in calls(tmp_path).items() if name.endswith(".write")}
+    assert len(writers) == 4
+    for name, write in writers.items():
+        for suffix in ("csv", "json", "html") if name == "Accuracy.write" else ("csv", "json"):
+            with pytest.raises(hp.FileError, match=f"no/such/x.{suffix}: cannot be written"):
+                write(path=tmp_path / f"no/such/x.{suffix}")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from helio_py._checked import number, pair, texts
 from helio_py._checked import path as checked_path
-from helio_py._native import _accuracy, _write_table
+from helio_py._native import _accuracy, _write_table, _write_text
 from helio_py._tables import checked_kind, given_back
 from helio_py._toml import path_and_text
 
@@ -137,15 +137,14 @@ class Accuracy:
         return f"<p>Tracking accuracy: <b>{self.verdict}</b></p><table>{rows}</table>"
 
     def write(self, path: str | PathLike[str]) -> None:
-        """Writes the page (.html), everything (.json), or the table of frames (.csv, .parquet, .jsonl)."""
-        from pathlib import Path  # not at import, as json
+        """Writes the page (.html), everything (.json), or the table of frames (.csv, .parquet, .jsonl).
 
-        to = Path(checked_path("path", path))
-        suffix = to.suffix.lower()
-        if suffix in (".html", ".htm"):
-            to.write_text(self.to_html(), encoding="utf-8")
-        elif suffix == ".json":
-            to.write_text(self._json + "\n", encoding="utf-8")
+        The file appears whole or not at all."""
+        to = checked_path("path", path)
+        if to.lower().endswith((".html", ".htm")):
+            _write_text(to, self.to_html())
+        elif to.lower().endswith(".json"):
+            _write_text(to, self._json + "\n")
         else:
             _write_table(to, self._frames)
 
