@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -94,3 +95,52 @@ def test_steps_lead_back_to_their_angles(angles: list[float], a: float, b: float
     want = np.sqrt(a * a + b * b + 2 * a * b * np.cos(np.array(angles) + bracket)) - 0.1
     assert np.allclose(screw.steps(angle_rad), want, rtol=0, atol=1e-12)
     assert np.isnan(screw.steps(sign * 4.0))
+
+
+EXAMPLE = Path(__file__).parents[3] / "examples/field.toml"
+
+
+@settings(max_examples=15, deadline=None, derandomize=True, database=None)
+@given(st.integers(0, 2**32), st.sampled_from(["hartley-meyer", "gauss-newton"]))
+def test_spots_without_noise_tell_the_true_errors(seed: int, solver: str) -> None:
+    field = hp.Field.from_toml(EXAMPLE)
+    seen = hp.simulate_observations(field, heliostats=2, count=15, seed=seed, noise_mrad=0.0, random_errors=True)
+    found = hp.calibrate(field, seen.observations, solver=solver)
+    assert found.ids == list(seen.truth["id"])
+    for name in ("axis_nonorthogonality_rad", "mirror_tilt_rad", "azimuth_reference_rad", "elevation_reference_rad"):
+        assert np.allclose(getattr(found, name), seen.truth[name], rtol=0, atol=1e-9), name
+    one, other = (
+        thing["pedestal_tilt_rad"] * np.exp(1j * thing["pedestal_tilt_azimuth_rad"])
+        for thing in ({name: getattr(found, name) for name in seen.truth if name != "id"}, seen.truth)
+    )
+    assert np.allclose(one, other, rtol=0, atol=1e-9)
+
+
+@settings(max_examples=10, deadline=None, derandomize=True, database=None)
+@given(st.permutations(range(30)))
+def test_the_order_of_records_changes_nothing(order: list[int]) -> None:
+    field = hp.Field.from_toml(EXAMPLE)
+    seen = hp.simulate_observations(field, heliostats=2, count=15, seed=3).observations
+    wanted = hp.calibrate(field, seen)
+    found = hp.calibrate(field, {name: np.asarray(cells)[order] for name, cells in seen.items()})
+    rows = [found.ids.index(name) for name in wanted.ids]
+    assert np.allclose(found.mirror_tilt_rad[rows], wanted.mirror_tilt_rad, rtol=0, atol=1e-10)
+    assert np.allclose(found.sigma["mirror_tilt_rad"][rows], wanted.sigma["mirror_tilt_rad"], rtol=1e-6)
+
+
+@settings(max_examples=25, deadline=None, derandomize=True, database=None)
+@given(st.integers(-15, 15), st.integers(-10, 10), st.sampled_from(["robust", "standard"]))
+def test_a_frame_moved_by_whole_pixels_moves_its_spot_by_as_many(right: int, down: int, method: str) -> None:
+    target = {"width_m": 8.0, "height_m": 6.0, "corners_px": [[0, 0], [159, 0], [159, 119], [0, 119]]}
+    y, x = np.mgrid[:120, :160]
+
+    def frame(column: int, row: int) -> Any:
+        light = 120 * np.exp(-((x - column) ** 2 + (y - row) ** 2) / (2 * 7.3**2))
+        return np.round(60 + light).astype(np.uint8)
+
+    at, moved = (hp.find_spot(frame(80 + r, 60 + d), target, method=method) for r, d in ((0, 0), (right, down)))
+    assert (at.status, moved.status) == ("ok", "ok")
+    # of a pixel: the fitted light of the target is not the same everywhere in the robust method
+    within = 1e-9 if method == "standard" else 0.02
+    assert abs(moved.x_px - at.x_px - right) < within
+    assert abs(moved.y_px - at.y_px - down) < within
