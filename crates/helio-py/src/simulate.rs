@@ -8,15 +8,17 @@ use helio_io::{
     LayoutPattern, ObservationPlan, SimulateError, SimulatedLayout, SimulatedObservations,
 };
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyList};
 
 use crate::array::owned;
 use crate::failure::Failure;
 use crate::field::PyField;
 use crate::given;
 use crate::guard::guarded;
-use crate::pool;
 use crate::watch::watched;
+
+/// Names made between two looks at whether the user wants to stop.
+const IDS_PER_LOOK: usize = 1 << 16;
 
 /// Columns of a generated layout.
 #[pyfunction]
@@ -45,10 +47,17 @@ pub(crate) fn _simulate_field<'py>(
             mirror_height_m,
             up_m: pivot_height_m,
         };
-        let made = py.detach(|| pool::run(|| SimulatedLayout::generate(pattern, &measures)))?;
+        let made = watched(py, None, |_| SimulatedLayout::generate(pattern, &measures))?;
         let table = PyDict::new(py);
         let len = made.ids.len();
-        table.set_item("id", made.ids)?;
+        let ids = PyList::empty(py);
+        for (row, id) in made.ids.into_iter().enumerate() {
+            if row % IDS_PER_LOOK == 0 {
+                py.check_signals()?;
+            }
+            ids.append(id)?;
+        }
+        table.set_item("id", ids)?;
         for (name, column) in [
             ("east_m", made.east_m),
             ("north_m", made.north_m),

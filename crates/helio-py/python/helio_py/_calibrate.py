@@ -401,7 +401,7 @@ def calibrate(
     Notes
     -----
     The numbers of ``helio-rs calibrate`` on the same table to the last bit, and its states. Ctrl-C ends it after the
-    heliostats at hand.
+    heliostats at hand: one of 1,500 records takes a tenth of a second, with `sets="auto"` a second.
 
     Examples
     --------
