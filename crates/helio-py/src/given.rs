@@ -24,6 +24,15 @@ pub(crate) fn text(given: &Bound<'_, PyAny>, what: &str) -> Result<String, Failu
     extracted(given, what, "str")
 }
 
+/// A text, or what stands for none.
+pub(crate) fn text_or(
+    given: Option<&Bound<'_, PyAny>>,
+    what: &str,
+    default: &str,
+) -> Result<String, Failure> {
+    given.map_or_else(|| Ok(default.to_string()), |given| text(given, what))
+}
+
 /// The path of a file.
 pub(crate) fn path(given: &Bound<'_, PyAny>, what: &str) -> Result<PathBuf, Failure> {
     extracted(given, what, "a path")

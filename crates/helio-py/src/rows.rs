@@ -12,6 +12,7 @@ use crate::field::PyField;
 use crate::guard::guarded;
 use crate::sun::unix_ns;
 use crate::table::{Given, given_back};
+use crate::track::direction;
 
 /// What tells the suns of a table apart, one entry each.
 pub(crate) enum KeptMoment {
@@ -41,15 +42,21 @@ impl KeptMoment {
                 Ok(Self::Times(times.as_slice().map_err(PyErr::from)?.to_vec()))
             }
             (None, Some(azimuth), Some(elevation)) => {
-                let degrees = |value: &Bound<'_, PyAny>, what: &str| {
+                let angles = |value: &Bound<'_, PyAny>, what: &str| {
                     let numbers = Numbers::of(value, what)?;
                     fits(what, numbers.shape())?;
-                    let numbers = numbers.as_slice()?.iter();
-                    Ok::<Vec<f64>, Failure>(numbers.map(|&a| degrees_as_written(a)).collect())
+                    Ok::<Vec<f64>, Failure>(numbers.as_slice()?.to_vec())
                 };
-                let azimuth = degrees(azimuth, "sun_azimuth_rad")?;
-                let elevation = degrees(elevation, "sun_elevation_rad")?;
-                Ok(Self::SunAngles([azimuth, elevation]))
+                let azimuth = angles(azimuth, "sun_azimuth_rad")?;
+                let elevation = angles(elevation, "sun_elevation_rad")?;
+                for (row, (azimuth_rad, elevation_rad)) in
+                    azimuth.iter().zip(&elevation).enumerate()
+                {
+                    direction(row, *azimuth_rad, *elevation_rad)?;
+                }
+                let degrees =
+                    |angles: Vec<f64>| angles.into_iter().map(degrees_as_written).collect();
+                Ok(Self::SunAngles([azimuth, elevation].map(degrees)))
             }
             _ => Err(Failure::of(
                 "OptionError",

@@ -113,3 +113,14 @@ def test_a_newcomer_gets_the_picture_and_the_words_of_the_manual(root: Path, bes
         assert path in typed
         assert (root / path).exists()
     subprocess.run(["bash", "-n", str(root / "examples" / "newcomer.sh")], check=True)
+
+
+def test_a_type_checker_knows_what_is_not_there(tmp_path: Path) -> None:
+    user = tmp_path / "user.py"
+    user.write_text("import helio_py as hp\n\nhp.Paint\nhp.plot.field_map\nhp.bogus\n")
+    cache = ["--cache-dir", str(tmp_path / "cache")]
+    done = subprocess.run(
+        [sys.executable, "-m", "mypy", "--strict", *cache, str(user)], capture_output=True, text=True, check=False
+    )
+    assert 'error: Module has no attribute "bogus"' in done.stdout, done.stdout
+    assert "Found 1 error" in done.stdout, done.stdout

@@ -263,3 +263,27 @@ def test_ctrl_c_ends_it(after_s: float, tmp_path: Path) -> None:
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False, timeout=300)
     assert done.stdout == "stopped\n", done.stderr
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+def test_no_record_is_taken_in_twice(seed: int, root: Path) -> None:
+    """A wrong spot a month after the others, given again, would agree with itself and be believed as a jump."""
+    field = hp.Field.from_toml(root / "examples/field.toml")
+    options: dict[str, Any] = {
+        "heliostats": 60,
+        "count": 12,
+        "outliers": 0.05,
+        "outlier_mrad": 15.0,
+        "random_errors": True,
+    }
+    seen = hp.simulate_observations(field, seed=seed, **options).to_table("pandas").sort_values("time")
+    before = seen.time < seen.time.quantile(0.7)
+    known = hp.calibrate(field, seen[before], joint=True)
+    with pytest.raises(hp.OptionError, match="taken in already"):
+        hp.calibrate(field, seen[before], update=known)
+    known = hp.calibrate(field, seen[~before], update=known)
+    with pytest.raises(hp.OptionError, match="taken in already"):
+        hp.calibrate(field, seen[~before], update=known)
+    # the whole again too, from a file as well
+    with pytest.raises(hp.OptionError, match="taken in already"):
+        hp.calibrate(field, seen, update=known.state)

@@ -239,3 +239,13 @@ def test_the_applied_field_travels(root: Path, all_things: dict[str, Any]) -> No
     applied = all_things["calibration"].apply(all_things["field of files"])
     again = pickle.loads(pickle.dumps(applied))
     assert same_bits(hp.track(again, 3.0, 0.8), hp.track(applied, 3.0, 0.8))
+
+
+def test_a_campaign_is_made_again_from_its_seed(root: Path) -> None:
+    field = hp.Field.from_toml(root / "examples/field.toml")
+    seen = hp.simulate_observations(field, heliostats=3, count=8, seed=5, random_errors=True)
+    there = pickle.loads(pickle.dumps(seen))
+    for name, cells in seen.observations.items():
+        assert np.asarray(there.observations[name]).tobytes() == np.asarray(cells).tobytes(), name
+    assert there.truth["mirror_tilt_rad"].tobytes() == seen.truth["mirror_tilt_rad"].tobytes()
+    assert copy.deepcopy(seen) is seen

@@ -132,3 +132,29 @@ def test_missing_numbers_are_absent(columns: dict[str, list[Any]], example: hp.F
     ):
         rejected = hp.calibrate(example, table).to_table("rejected")
         assert "no_spot" in cells(rejected, "reason")
+
+
+def test_masked_cells_of_a_column_are_cells_that_are_not_there(root: Path) -> None:
+    field = hp.Field.from_toml(root / "examples/field.toml")
+    seen = hp.simulate_observations(field, heliostats=1, count=12)
+    masked = {"record_id": np.ma.masked_array([f"r{k}" for k in range(12)], mask=[True] + [False] * 11)}
+    masked["sigma_m"] = np.ma.masked_array(np.full(12, 0.01), mask=True)
+    masked["axis1_deg"] = np.ma.masked_array(seen.observations["axis1_deg"], mask=False)
+    masked["time"] = np.ma.masked_array(seen.observations["time"], mask=False)
+    without = {name: cells for name, cells in seen.observations.items() if name != "sigma_m"}
+    wanted = hp.calibrate(field, without)
+    found = hp.calibrate(field, without | masked)
+    assert found.mirror_tilt_rad.tobytes() == wanted.mirror_tilt_rad.tobytes()
+    assert hp.calibrate(field, seen).ids == wanted.ids
+    # a masked whole number too
+    with pytest.raises(hp.HelioError, match="axis1_deg"):
+        hp.calibrate(field, without | {"axis1_deg": np.ma.masked_array(np.arange(12), mask=[True] * 12)})
+    with pytest.raises(hp.OptionError, match=r"beyond 2\^63"):
+        hp.calibrate(field, without | {"axis1_deg": np.full(12, 2**64 - 100, dtype=np.uint64)})
+
+
+def test_tables_of_rows_refuse_suns_in_degrees(root: Path) -> None:
+    field = hp.Field.from_toml(root / "examples/field.toml")
+    tracking = hp.track(field, [3.0, 3.1], [0.8, 0.9])
+    with pytest.raises(hp.SunDirectionError, match="sun 0 "):
+        tracking.to_table(field, sun_azimuth_rad=[180.0, 170.0], sun_elevation_rad=[60.0, 40.0])

@@ -40,7 +40,11 @@ class Raises:
         raise ZeroDivisionError("stream")
 
 
+WITHIN_ITSELF: dict[str, Any] = {}
+WITHIN_ITSELF["sun"] = WITHIN_ITSELF
+
 ODD: dict[str, Any] = {
+    "within itself": WITHIN_ITSELF,
     "none": None,
     "true": True,
     "minus": -1,
@@ -164,6 +168,10 @@ def calls(tmp_path: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]
         "flux arrays": (hp.flux, {"mesh": [[0, 0, 0], [1, 0, 0], [0, 1, 0.0]], "elements": [[0, 1, 2]], "rays": 2000,
             "displacements": np.zeros((3, 3)), "method": "elements", "scene": "examples/flux/strips.toml"}),
         "flux camera": (hp.flux, {"camera": frame(), "gauge": (40, 30, 1e5), "dark": 1.0, **none(("white", "target"))}),
+        "Flux.to_table": (flux.to_table, {"kind": "dict"}),
+        "Tracking.to_table": (tracking.to_table, {"field": small, "kind": "dict", "times": NOON}),
+        "predict of a table": (hp.predict, {"field": field, "azimuth_rad": {"id": ["H001"], "time": [NOON],
+            "azimuth_deg": [100.0], "elevation_deg": [50.0]}, "kind": None}),
         "Flux.write": (flux.write, {"path": tmp_path / "f.csv"}),
         "convert_paint": (hp.convert_paint, {"tower": "tower.json", "records": {}, "out": tmp_path,
             **none(("heliostats", "aim"))}),

@@ -102,11 +102,31 @@ pub struct Followed<A = Account> {
     pub jumps: Vec<JumpSeen>,
     /// What may have happened, likeliest first; at least one.
     pub accounts: Vec<A>,
-    /// Days of the records that are still in doubt \[since 1970\].
+    /// Days of the records that are still in doubt \[since 1970\], and of those that are not believed and a month or more
+    /// after the last one.
     pub undecided: Vec<f64>,
 }
 
+/// Records of a heliostat are one where their times differ by less: ten milliseconds \[days\].
+const SAME_DAY: f64 = 1e-7;
+
+fn same_day(one: f64, other: f64) -> bool {
+    (one - other).abs() < SAME_DAY
+}
+
 impl<A> Followed<A> {
+    /// Whether a record of a day \[since 1970\] is one of those in doubt.
+    fn knows(&self, day: f64) -> bool {
+        self.undecided.iter().any(|known| same_day(*known, day))
+    }
+
+    /// Whether a record of a day \[since 1970\] is taken in already: none comes before the last one, and one that was not
+    /// believed and is much later than the others is known too.
+    #[must_use]
+    pub fn has_taken(&self, day: f64) -> bool {
+        self.last_day.is_some_and(|last| day <= last) || self.knows(day)
+    }
+
     /// The same with its accounts in another form.
     pub(super) fn with<B>(&self, accounts: Vec<B>) -> Followed<B> {
         Followed {
@@ -239,7 +259,7 @@ impl JointFit {
             .zip(&self.heliostats)
             .enumerate()
             .map(|(k, (id, posterior))| {
-                let (accounts, undecided) = match self.open.get(&k) {
+                let (accounts, mut undecided) = match self.open.get(&k) {
                     Some(open) => (open.accounts.clone(), open.days.clone()),
                     None => {
                         let mut account = Account::new(self.belief(k));
@@ -248,6 +268,11 @@ impl JointFit {
                         (vec![account], Vec::new())
                     }
                 };
+                for &day in self.aside.get(&k).into_iter().flatten() {
+                    if !undecided.iter().any(|known| same_day(*known, day)) {
+                        undecided.push(day);
+                    }
+                }
                 // those in doubt are the likeliest account's to count
                 let in_doubt = accounts.first().map(|account| &account.marks);
                 let [outliers, jumps] =
@@ -801,15 +826,22 @@ impl Followed {
                 if self.undecided.len() >= MOST_UNDECIDED {
                     self.accounts.truncate(1);
                 }
+                let aside = self.set_aside(day);
                 if let Some(told) = self.settle(shape) {
                     settled
                         .get_or_insert_with(|| Sum::nothing(shape))
                         .add(&told);
                 }
+                if self.undecided.is_empty() {
+                    self.undecided = aside;
+                }
             }
             let believed = !matches!(kind, StepKind::Outlier | StepKind::Misses);
             if timed {
                 self.last_day = moves_on(self.last_day, day, believed);
+                if !believed && self.last_day.is_some_and(|last| last < day) && !self.knows(day) {
+                    self.undecided.push(day);
+                }
             }
             if understood {
                 witnesses.push(Witness {
@@ -854,6 +886,14 @@ impl Followed {
     /// What is believed under all accounts together, by their likelihood: with its mean and its covariance.
     pub(super) fn belief(&self, common: &Common) -> Cow<'_, Belief<f64>> {
         mixture_of(&self.accounts, common)
+    }
+
+    /// Days of records that are not believed and much later than those that are, but for that of this day: they are kept,
+    /// so that nobody takes them in again.
+    fn set_aside(&self, day: f64) -> Vec<f64> {
+        let days = self.undecided.iter().copied();
+        let later = |known: &f64| self.last_day.is_some_and(|last| last < *known);
+        days.filter(|known| *known != day && later(known)).collect()
     }
 
     /// Where one account alone is left, what was undecided is decided.

@@ -187,6 +187,8 @@ pub struct JointFit {
     known: Vec<Beliefs>,
     /// Those of whose last records more than one account is left, or another than their group's.
     open: BTreeMap<usize, Open>,
+    /// Days of records that are not believed and much later than the last one of those that have such \[since 1970\].
+    aside: BTreeMap<usize, Vec<f64>>,
     /// Where each stands there: group times eight, and lane.
     place: Vec<usize>,
     structure: Structure,
@@ -1015,6 +1017,7 @@ impl<'a> Work<'a> {
             }
             posterior.covariance = covariance.iter().map(|x| x / square).collect();
         }
+        let mut aside = BTreeMap::new();
         for (k, posterior) in heliostats.iter_mut().enumerate() {
             let marks = marks.remove(&k).unwrap_or_default();
             if marks != Marks::default() || !posterior.misses.is_empty() {
@@ -1029,6 +1032,11 @@ impl<'a> Work<'a> {
                     let each = days.iter().enumerate();
                     each.fold(None, |last, (r, &day)| moves_on(last, day, believed(&r)))
                 });
+                let later = |day: &f64| posterior.last_day.is_some_and(|last| last < *day);
+                let late: Vec<f64> = days.iter().copied().filter(later).collect();
+                if !late.is_empty() {
+                    aside.insert(k, late);
+                }
                 for record in &mut posterior.misses {
                     *record = of[*record];
                 }
@@ -1050,6 +1058,7 @@ impl<'a> Work<'a> {
             heliostats,
             known,
             open,
+            aside,
             place,
             structure: self.structure,
             hyper: self.hyper,

@@ -15,8 +15,8 @@ A first look::
 Every failure is a ``HelioError``; a row that cannot be computed is none, it has a ``Status``.
 """
 
+import typing as _typing
 import warnings as _warnings
-from typing import TYPE_CHECKING as _TYPE_CHECKING
 
 from helio_py._accuracy import Accuracy, AccuracyFigure, accuracy
 from helio_py._calibrate import Calibration, calibrate
@@ -62,12 +62,12 @@ from helio_py._status import Status, status_words
 from helio_py._sun import SunPosition
 
 # Records of others: read by modules that nothing else needs, imported where they are first asked for.
-if _TYPE_CHECKING:
+if _typing.TYPE_CHECKING:
     from helio_py import plot as plot
     from helio_py._paint import Paint, convert_paint
 
 
-if not _TYPE_CHECKING:  # a type checker is to know of names that are none
+if not _typing.TYPE_CHECKING:  # a type checker is to know of names that are none
 
     def __getattr__(name: str) -> object:
         if name in ("Paint", "convert_paint"):

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from helio_py._checked import number, path, whole
-from helio_py._toml import toml_text, wrong
+from helio_py._toml import toml_of, wrong
 
 
 def scene_asked(
@@ -25,7 +25,7 @@ def scene_asked(
         for name, table in scene.items():
             if not isinstance(table, Mapping):
                 raise wrong(f"scene {name}", f"expected a mapping of keys, got {type(table).__name__}")
-        return {"path": "scene", "text": toml_text(scene, "scene"), **asked}
+        return {"path": "scene", "text": toml_of(scene, "scene"), **asked}
     if isinstance(scene, (str, os.PathLike)):
         return {"path": path("scene", scene), "text": None, **asked}
     found = "nothing" if scene is None else type(scene).__name__

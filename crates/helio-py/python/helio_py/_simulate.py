@@ -10,7 +10,7 @@ from helio_py._checked import flag, number, of, pair, several, text, texts, whol
 from helio_py._errors import ShapeError
 from helio_py._native import Field, _simulate_field, _simulate_observations
 from helio_py._progress import reporter
-from helio_py._tables import checked_kind, given_back
+from helio_py._tables import Column, checked_kind, given_back
 
 if TYPE_CHECKING:
     import os
@@ -177,14 +177,30 @@ def simulate_observations(
         "steps": flag("steps", steps),
     }
     with reporter(progress, " heliostats") as report:
-        return SimulatedObservations(_simulate_observations(field, asked, report))
+        return SimulatedObservations(_simulate_observations(field, asked, report), (field, asked))
+
+
+def _again(field: Field, asked: dict[str, Any]) -> SimulatedObservations:
+    """The same campaign, from its seed: for pickle."""
+    return SimulatedObservations(_simulate_observations(field, asked, None), (field, asked))
 
 
 class SimulatedObservations:
     """A simulated campaign: what was seen, and the errors that were true."""
 
-    def __init__(self, campaign: _Campaign) -> None:
+    def __init__(self, campaign: _Campaign, recipe: tuple[Field, dict[str, Any]]) -> None:
+        """Of what the native part made, and how to make it again; not for users."""
         self._campaign = campaign
+        self._recipe = recipe
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _again, self._recipe
+
+    def __copy__(self) -> SimulatedObservations:
+        return self
+
+    def __deepcopy__(self, memo: Any) -> SimulatedObservations:
+        return self
 
     @property
     def observations(self) -> dict[str, Any]:
@@ -194,16 +210,19 @@ class SimulatedObservations:
         table["time"] = table["time"].view("datetime64[ns]")
         return table
 
-    def to_table(self, kind: str = "dict") -> Any:
-        """The same as "dict" (of arrays), "pandas", "polars" or "pyarrow", times with their zone: what `calibrate` takes."""
+    @property
+    def _table_columns(self) -> list[Column]:
         table = self.observations
         holds = {"time": "times", "heliostat_id": "text", "target": "text"}
-        columns = [
+        return [
             (name, held, cells.view(np.int64) if held == "times" else cells)
             for name, cells in table.items()
             for held in (holds.get(name, "numbers"),)
         ]
-        return given_back(columns, checked_kind(kind))
+
+    def to_table(self, kind: str = "dict") -> Any:
+        """The same as "dict" (of arrays), "pandas", "polars" or "pyarrow", times with their zone: what `calibrate` takes."""
+        return given_back(self._table_columns, checked_kind(kind))
 
     @property
     def truth(self) -> dict[str, Any]:

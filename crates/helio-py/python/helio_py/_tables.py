@@ -87,7 +87,7 @@ def _of_one_length(columns: dict[Any, Any], what: str) -> dict[str, Any]:
 
 
 def _column(name: str, cells: Any, what: str) -> Column:
-    array = np.ma.filled(cells, np.nan) if isinstance(cells, np.ma.MaskedArray) else np.asarray(cells)
+    array = np.asarray(cells)
     refused = DataTypeError(f"{what}: column {name}: expected text, numbers or times, got dtype {array.dtype}")
     refused.field = name
     if array.ndim != 1:
@@ -95,9 +95,14 @@ def _column(name: str, cells: Any, what: str) -> Column:
         error.field = name
         raise error
     kind = array.dtype.kind
+    if isinstance(cells, np.ma.MaskedArray):
+        pairs = zip(np.ma.getmaskarray(cells), array, strict=True)
+        return _objects(name, [None if masked else cell for masked, cell in pairs], refused, what)
     if kind == "f":
         return name, "numbers", np.ascontiguousarray(array, dtype=np.float64)
     if kind in "iu":
+        if kind == "u" and array.size and array.max() > np.iinfo(np.int64).max:
+            raise of(OptionError(f"{what}: column {name}: {array.max()} is beyond 2^63"), name)
         return name, "whole", np.ascontiguousarray(array, dtype=np.int64)
     if kind == "M":
         return name, "times", _times(array, name, what)

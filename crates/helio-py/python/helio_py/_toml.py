@@ -15,7 +15,7 @@ from helio_py._errors import DataTypeError
 def path_and_text(value: Any, what: str, of: str) -> tuple[str, str | None]:
     """The path of a file, or of a mapping a name for messages and the text of such a file; ``of`` is its usual name."""
     if isinstance(value, Mapping):
-        return what, toml_text(value, what)
+        return what, toml_of(value, what)
     if isinstance(value, (str, os.PathLike)):
         return path(what, value), None
     found = "nothing" if value is None else type(value).__name__
@@ -27,6 +27,14 @@ def wrong(what: str, message: str) -> DataTypeError:
     error = DataTypeError(f"{what}: {message}")
     error.field = what
     return error
+
+
+def toml_of(table: Mapping[Any, Any], what: str) -> str:
+    """The text of a file that says what a mapping says."""
+    try:
+        return toml_text(table, what)
+    except RecursionError:
+        raise wrong(what, "expected the keys of a file, got a mapping within itself") from None
 
 
 def toml_text(table: Mapping[Any, Any], what: str, section: str = "") -> str:

@@ -231,9 +231,17 @@ impl PyFlux {
     /// The table that `helio-rs flux --out` writes, a row for each bin: `row, column, u_m, v_m`, the middle of the bin
     /// (`x_m, y_m, z_m` for a mesh, `east_m, north_m, up_m` for a field), `area_m2, flux_w_m2`; as "dict" (of arrays),
     /// "pandas", "polars" or "pyarrow".
-    #[pyo3(signature = (kind="dict"))]
-    fn to_table<'py>(&self, py: Python<'py>, kind: &str) -> PyResult<Bound<'py, PyAny>> {
+    #[pyo3(
+        signature = (kind=None),
+        text_signature = "($self, kind='dict')"
+    )]
+    fn to_table<'py>(
+        &self,
+        py: Python<'py>,
+        kind: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
         guarded(|| {
+            let kind = given::text_or(kind, "kind", "dict")?;
             let kept = KeptColumns::default();
             let destination = Destination::Columns(kept.clone());
             write_flux_map(
@@ -243,7 +251,7 @@ impl PyFlux {
                 &self.map,
                 self.axes(),
             )?;
-            given_back(py, kept.take(), kind)
+            given_back(py, kept.take(), &kind)
         })
     }
 

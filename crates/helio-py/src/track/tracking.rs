@@ -14,6 +14,7 @@ use pyo3::types::PyTuple;
 use crate::array::{Numbers, shape_text, wrong_shape};
 use crate::failure::Failure;
 use crate::field::PyField;
+use crate::given;
 use crate::guard::guarded;
 use crate::rows::{KeptMoment, table};
 use crate::slab::{Double, Slab};
@@ -270,16 +271,20 @@ impl PyTracking {
     ///     When each sun was seen, as for `sun_position`; or else
     /// sun_azimuth_rad, sun_elevation_rad : float or array of shape (m,), optional
     ///     where, as `track` was given it [rad].
-    #[pyo3(signature = (field, kind="dict", *, times=None, sun_azimuth_rad=None, sun_elevation_rad=None))]
+    #[pyo3(
+        signature = (field, kind=None, *, times=None, sun_azimuth_rad=None, sun_elevation_rad=None),
+        text_signature = "($self, field, kind='dict', *, times=None, sun_azimuth_rad=None, sun_elevation_rad=None)"
+    )]
     fn to_table<'py>(
         &self,
         field: &Bound<'py, PyAny>,
-        kind: &str,
+        kind: Option<&Bound<'py, PyAny>>,
         times: Option<&Bound<'py, PyAny>>,
         sun_azimuth_rad: Option<&Bound<'py, PyAny>>,
         sun_elevation_rad: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         guarded(|| {
+            let kind = given::text_or(kind, "kind", "dict")?;
             let inner = PyField::of(field)?.get().inner();
             if inner.len() != self.heliostats {
                 let wanted = shape_text(&[self.heliostats]);
@@ -314,7 +319,7 @@ impl PyTracking {
             // Codes are our own.
             let status: Vec<Status> = status.filter_map(Status::from_code).collect();
             let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
-            table(field, kind, &moment, numbers, &columns, &status, None)
+            table(field, &kind, &moment, numbers, &columns, &status, None)
         })
     }
 

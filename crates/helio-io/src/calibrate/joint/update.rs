@@ -290,7 +290,7 @@ impl<'a> JointRun<'a> {
             let Some(&place) = place_of.get(&of.row) else {
                 continue;
             };
-            let last = state.heliostats()[place].last_day;
+            let followed = &state.heliostats()[place];
             let mut one = Fresh {
                 place,
                 index,
@@ -302,7 +302,7 @@ impl<'a> JointRun<'a> {
                 if day > late {
                     continue;
                 }
-                if last.is_some_and(|last| day <= last) {
+                if followed.has_taken(day) {
                     old += 1;
                     first_old.get_or_insert((of.records[k], of.row));
                     continue;

@@ -117,12 +117,13 @@ def calibration_residuals(
     """
     residual = column_of(residual_mrad, "residual_mrad")
     out = np.zeros(len(residual), dtype=bool) if rejected is None else np.asarray(rejected, dtype=bool)
+    out = out | ~np.isfinite(residual)  # what has no prediction is not used
     x, timed = _abscissa(against, len(residual))
     ax = on_axes(ax)
     ax.plot(x[~out], residual[~out], "o", ms=4, color=COLOURS[0], label=f"used ({np.count_nonzero(~out)})")
     if out.any():
         ax.plot(x[out], residual[out], "x", ms=5, color=COLOURS[1], label=f"rejected ({np.count_nonzero(out)})")
-    rms = float(np.sqrt(np.nanmean(residual[~out] ** 2))) if (~out).any() else np.nan
+    rms = float(np.sqrt(np.mean(residual[~out] ** 2))) if (~out).any() else np.nan
     ax.axhline(rms, color="black", lw=1.0, ls="--", label=f"rms {rms:.2f} mrad")
     if timed:
         dated(ax)
