@@ -20,7 +20,7 @@ use crate::failure::Failure;
 use crate::field::PyField;
 use crate::guard::guarded;
 use crate::table::{Given, handed_out};
-use crate::watch::watched;
+use crate::watch::watched_or_left;
 
 /// Options as the keywords of `calibrate` have them.
 #[derive(FromPyObject)]
@@ -110,22 +110,27 @@ pub(crate) fn _calibrate<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     guarded(|| {
-        let inner = PyField::of(field)?.get().inner();
-        let Some((loaded, hashes)) = inner.files_read() else {
+        let field = PyField::of(field)?.clone().unbind();
+        let Some((loaded, hashes)) = field.get().inner().files_read() else {
             let message = "field: observations are of targets, which only a field read from files has: Field.from_toml";
             return Err(Failure::new("MissingError", message));
         };
         let observations = Given::of(observations, "observations")?;
         let spots = spots.map(|spots| Given::of(spots, "spots")).transpose()?;
         let words = FitWords::from(words);
-        let asked = Asked::new(&words)?;
-        if asked.sets() != Sets::One && loaded.site.is_none() {
+        if Asked::new(&words)?.sets() != Sets::One && loaded.site.is_none() {
             return Err(of_option(
                 "--sets: sets over the day go by the sun's hour angle, which needs the latitude from [site]",
             ));
         }
         let field_hash = hash_text(&hashes.join(" "));
-        let found = watched(py, progress.as_ref(), |watch| {
+        // One heliostat of many thousand records takes longer than anybody waits who wants an end.
+        let found = watched_or_left(py, progress.as_ref(), move |watch| {
+            let Some((loaded, _)) = field.get().inner().files_read() else {
+                // Looked at above.
+                return Err(Failure::new("MissingError", "field: not read from files"));
+            };
+            let asked = Asked::new(&words)?;
             let (observations, observations_hash) =
                 observed(&observations, spots.as_ref(), loaded)?;
             let run = Run {

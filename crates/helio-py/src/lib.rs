@@ -41,6 +41,8 @@ use pyo3::prelude::*;
 // Not tried without the GIL: a free-threaded interpreter turns it on for us.
 #[pymodule(gil_used = true)]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    // NumPy's tables of functions are looked up once: here, where no Ctrl-C in the middle of a call can come between.
+    numpy::PyArray1::<f64>::zeros(module.py(), 0, false);
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("_optimised", !cfg!(debug_assertions))?;
     module.add("_simd_level", helio_core::SimdLevel::best().as_str())?;

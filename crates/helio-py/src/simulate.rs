@@ -15,7 +15,7 @@ use crate::failure::Failure;
 use crate::field::PyField;
 use crate::given;
 use crate::guard::guarded;
-use crate::watch::watched;
+use crate::watch::{watched, watched_or_left};
 
 /// Names made between two looks at whether the user wants to stop.
 const IDS_PER_LOOK: usize = 1 << 16;
@@ -47,7 +47,9 @@ pub(crate) fn _simulate_field<'py>(
             mirror_height_m,
             up_m: pivot_height_m,
         };
-        let made = watched(py, None, |_| SimulatedLayout::generate(pattern, &measures))?;
+        let made = watched_or_left(py, None, move |_| {
+            SimulatedLayout::generate(pattern, &measures)
+        })?;
         let table = PyDict::new(py);
         let len = made.ids.len();
         let ids = PyList::empty(py);

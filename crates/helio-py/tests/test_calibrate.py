@@ -247,3 +247,26 @@ def test_memory_is_flat_over_many_calls(example: hp.Field) -> None:
     gc.collect()
     assert [sys.getrefcount(thing) for thing in (example, table, streamed, *angles)] == counts
     assert resident_kb() - before_kb < 8_000
+
+
+def test_a_signal_does_not_wait_for_a_heliostat_of_many_records(root: Path) -> None:
+    script = textwrap.dedent(
+        """
+        import os, signal, threading
+        import helio_py as hp
+
+        field = hp.Field.from_toml("examples/field.toml")
+        seen = hp.simulate_observations(field, heliostats=1, count=20_000)
+        calibrate = lambda **more: hp.calibrate(field, seen, sets="auto", robust="student-t", **more)
+        threading.Timer(0.5, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+        told = []
+        try:
+            calibrate(progress=lambda done, of: told.append(done))
+        except KeyboardInterrupt:
+            print("stopped", max(told))
+        # what was left to itself harms nothing that comes after it
+        print(hp.calibrate(field, "examples/observations.csv").status[0])
+        """
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False, cwd=root)
+    assert done.stdout == "stopped 0\nok\n", done.stderr
