@@ -400,8 +400,8 @@ def calibrate(
 
     Notes
     -----
-    The numbers of ``helio-rs calibrate`` on the same table to the last bit, and its states. Ctrl-C ends it after the
-    heliostats at hand: one of 1,500 records takes a tenth of a second, with `sets="auto"` a second.
+    The numbers of ``helio-rs calibrate`` on the same table to the last bit, and its states. Ctrl-C ends it
+    within a second; a heliostat in the middle of its fit is left to itself.
 
     Examples
     --------
