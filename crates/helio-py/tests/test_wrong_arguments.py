@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import decimal
 import io
+import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -181,7 +182,8 @@ def calls(tmp_path: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]
 def test_wrong_arguments_are_refused_by_our_own_errors(
     root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.chdir(root)
+    shutil.copytree(root / "examples", tmp_path / "examples")  # an odd value may be a fine name for a file to write
+    monkeypatch.chdir(tmp_path)
     wrong, tried = [], 0
     for name, (call, right) in calls(tmp_path).items():
         for argument in right:
@@ -202,7 +204,8 @@ def test_wrong_arguments_are_refused_by_our_own_errors(
 def test_what_cannot_be_written_is_an_error_of_ours(
     root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.chdir(root)
+    shutil.copytree(root / "examples", tmp_path / "examples")  # an odd value may be a fine name for a file to write
+    monkeypatch.chdir(tmp_path)
     writers = {name: call for name, (call, _) in calls(tmp_path).items() if name.endswith(".write")}
     assert len(writers) == 4
     for name, write in writers.items():
