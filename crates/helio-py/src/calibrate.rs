@@ -111,10 +111,7 @@ pub(crate) fn _calibrate<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     guarded(|| {
         let field = PyField::of(field)?.clone().unbind();
-        let Some((loaded, hashes)) = field.get().inner().files_read() else {
-            let message = "field: observations are of targets, which only a field read from files has: Field.from_toml";
-            return Err(Failure::new("MissingError", message));
-        };
+        let (loaded, hashes) = field.get().inner().files_read()?;
         let observations = Given::of(observations, "observations")?;
         let spots = spots.map(|spots| Given::of(spots, "spots")).transpose()?;
         let words = FitWords::from(words);
@@ -126,10 +123,7 @@ pub(crate) fn _calibrate<'py>(
         let field_hash = hash_text(&hashes.join(" "));
         // One heliostat of many thousand records takes longer than anybody waits who wants an end.
         let found = watched_or_left(py, progress.as_ref(), move |watch| {
-            let Some((loaded, _)) = field.get().inner().files_read() else {
-                // Looked at above.
-                return Err(Failure::new("MissingError", "field: not read from files"));
-            };
+            let (loaded, _) = field.get().inner().files_read()?;
             let asked = Asked::new(&words)?;
             let (observations, observations_hash) =
                 observed(&observations, spots.as_ref(), loaded)?;

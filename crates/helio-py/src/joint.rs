@@ -123,10 +123,7 @@ pub(crate) fn _calibrate_joint<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     guarded(|| {
         let inner = PyField::of(field)?.get().inner();
-        let Some((loaded, hashes)) = inner.files_read() else {
-            let message = "field: observations are of targets, which only a field read from files has: Field.from_toml";
-            return Err(Failure::new("MissingError", message));
-        };
+        let (loaded, hashes) = inner.files_read()?;
         let observations = Given::of(observations, "observations")?;
         let spots = spots.map(|spots| Given::of(spots, "spots")).transpose()?;
         words.check(loaded, [Some(&observations), spots.as_ref()])?;

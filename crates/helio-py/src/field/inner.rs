@@ -137,11 +137,17 @@ impl Inner {
         self.loaded().map_or(&[], |loaded| &loaded.files)
     }
 
-    /// What was read from files, and their hashes.
-    pub(crate) fn files_read(&self) -> Option<(&LoadedField, &[String])> {
+    /// What was read from files, and their hashes, for a calibration.
+    ///
+    /// # Errors
+    /// `MissingError` for a field of columns.
+    pub(crate) fn files_read(&self) -> Result<(&LoadedField, &[String]), Failure> {
         match &self.source {
-            Source::Columns(_) => None,
-            Source::Files { loaded, hashes, .. } => Some((loaded, hashes)),
+            Source::Files { loaded, hashes, .. } => Ok((loaded, hashes)),
+            Source::Columns(_) => {
+                let message = "field: observations are of targets, which only a field read from files has: Field.from_toml";
+                Err(Failure::new("MissingError", message))
+            }
         }
     }
 
