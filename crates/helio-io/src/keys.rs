@@ -686,6 +686,9 @@ pub(crate) static FILE: &[&Key] = &[
     &OBSERVATIONS_TABLE,
 ];
 
+/// Those of a field that says the rest elsewhere.
+pub(crate) static SURROUNDINGS: &[&Key] = &[&SITE_TABLE, &TARGETS_TABLE];
+
 // Columns of the calibration table.
 
 pub(crate) static SET: Key = optional(

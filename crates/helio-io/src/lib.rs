@@ -60,8 +60,8 @@ pub use campaign::{
 };
 pub use error::{IoError, Place, Problem};
 pub use field::{
-    CalibrationSchedule, Lapse, LoadedField, ObservationColumns, Site, Target, TargetArea,
-    load_field, load_field_calibrated,
+    CalibrationSchedule, FieldParts, Lapse, LoadedField, ObservationColumns, Site, Target,
+    TargetArea, load_field, load_field_calibrated, surroundings_of_text,
 };
 pub use finding::{
     FinderRoom, SeenInFrame, SpotFinder, SpotMethod, SpotWords, UselessOption, parse_threshold,

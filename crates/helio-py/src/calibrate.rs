@@ -111,7 +111,7 @@ pub(crate) fn _calibrate<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     guarded(|| {
         let field = PyField::of(field)?.clone().unbind();
-        let (loaded, hashes) = field.get().inner().files_read()?;
+        let loaded = field.get().inner().with_targets()?;
         let observations = Given::of(observations, "observations")?;
         let spots = spots.map(|spots| Given::of(spots, "spots")).transpose()?;
         let words = FitWords::from(words);
@@ -120,10 +120,10 @@ pub(crate) fn _calibrate<'py>(
                 "--sets: sets over the day go by the sun's hour angle, which needs the latitude from [site]",
             ));
         }
-        let field_hash = hash_text(&hashes.join(" "));
+        let field_hash = field.get().inner().hash();
         // One heliostat of many thousand records takes longer than anybody waits who wants an end.
         let found = watched_or_left(py, progress.as_ref(), move |watch| {
-            let (loaded, _) = field.get().inner().files_read()?;
+            let loaded = field.get().inner().loaded();
             let asked = Asked::new(&words)?;
             let (observations, observations_hash) =
                 observed(&observations, spots.as_ref(), loaded)?;

@@ -20,7 +20,7 @@ use crate::guard::guarded;
 /// >>> drive = hp.Drive.encoder(steps_per_rad=np.degrees(1000.0), zero_steps=500.0)
 /// >>> drive.steps(np.radians([0.0, 2.0])).round(6)
 /// array([ 500., 2500.])
-#[pyclass(frozen, name = "Drive", module = "helio_py")]
+#[pyclass(frozen, from_py_object, name = "Drive", module = "helio_py")]
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PyDrive(pub(crate) Drive);
 

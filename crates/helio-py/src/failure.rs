@@ -71,6 +71,16 @@ impl Failure {
         self.with("field", Attribute::Text(field.to_string()))
     }
 
+    /// With the argument that it is about, where nothing closer is named.
+    pub(crate) fn or_field(self, field: &str) -> Self {
+        match &self {
+            Self::Ours(case) if !case.attributes.iter().any(|(name, _)| *name == "field") => {
+                self.with_field(field)
+            }
+            _ => self,
+        }
+    }
+
     pub(crate) fn with_row(self, row: usize) -> Self {
         self.with("row", Attribute::Whole(row))
     }

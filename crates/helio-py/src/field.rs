@@ -1,22 +1,23 @@
 //! `Field`: the heliostats.
 
+mod again;
 mod columns;
 mod inner;
+mod surroundings;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use helio_io::hash_file;
 use numpy::PyArray2;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
 
 use crate::array::{Numbers, owned, shape_text, wrong_shape};
-use crate::drive::PyDrive;
 use crate::failure::Failure;
 use crate::given;
 use crate::guard::guarded;
 use crate::sun::Clock;
 use crate::table::of_columns;
+use again::changed;
 pub(crate) use inner::Inner;
 
 /// Heliostats of one tracking mode, in the order in which every answer comes.
@@ -28,8 +29,10 @@ pub(crate) use inner::Inner;
 /// ----------
 /// position_enu_m : array of shape (n, 3)
 ///     Crossing of the axes of each heliostat, its pivot [m].
-/// aim_enu_m : array of shape (n, 3) or (3,)
+/// aim_enu_m : array of shape (n, 3) or (3,), optional
 ///     What its beam is to hit [m]; one point may serve for all.
+/// aim : str or sequence of str, optional
+///     The targets that heliostats aim at, in the place of points: one for all, or one for each.
 /// ids : sequence of str, optional
 ///     Names, each once; by default the row numbers from "0" on.
 /// mirror_offset_m : float or array of shape (n,), default 0
@@ -52,11 +55,21 @@ pub(crate) use inner::Inner;
 /// axis_azimuth_rad : float, optional
 ///     Where the fixed axis of a pitch-roll mount points [rad]; π/2 is east.
 /// latitude_rad : float, optional
-///     Of the site of a polar mount [rad], north positive.
+///     Of the site of a polar mount [rad], north positive; by default that of `site`.
+/// site : mapping, optional
+///     Where the field lies, by the keys of `[site]` in a field.toml: `latitude_deg`, `longitude_deg`, `elevation_m`,
+///     optionally `name`, `pressure_hpa`, `temperature_c`, `delta_t_s`, `ut1_utc_s`.
+/// targets : mapping, optional
+///     What can be aimed at and what spots are seen on: names, and mappings of the keys of `[targets.NAME]`:
+///     `centre_enu_m` and, of a plane, `normal_enu`, `width_m`, `height_m`, optionally `right_enu`.
+/// drives : pair or sequence of n pairs, optional
+///     A ``Drive`` or None for either axis: a pair for all, or one for each. Limits are what those stated and the reach
+///     of the drives have in common.
 ///
 /// Raises
 /// ------
-/// FieldError, ShapeError, DataTypeError, OptionError
+/// FieldError, ShapeError, DataTypeError, OptionError, MissingError, UnknownNameError, FileError
+///     The last three of `site` and `targets`, whose places are then those of a field.toml that says the same.
 ///
 /// Examples
 /// --------
@@ -66,6 +79,21 @@ pub(crate) use inner::Inner;
 /// <Field of 2 heliostats, azimuth-elevation>
 /// >>> field.mirror_offset_m
 /// array([0.3, 0.3])
+///
+/// With a site and targets it is all that a field read from files is:
+///
+/// >>> board = {"centre_enu_m": [0, 8, 70], "normal_enu": [0, 1, 0], "width_m": 14, "height_m": 12}
+/// >>> field = hp.Field(
+/// ...     [[0, 90, 6], [30, 90, 6]],
+/// ...     aim="board",
+/// ...     targets={"board": board},
+/// ...     site={"latitude_deg": 37.4, "longitude_deg": -6.25, "elevation_m": 20},
+/// ... )
+/// >>> float(field.sun_position("2026-06-21T12:00:00Z").elevation_rad.round(3))
+/// 1.307
+/// >>> seen = hp.simulate_observations(field, count=20)
+/// >>> hp.calibrate(field, seen.to_table()).status
+/// ['ok', 'ok']
 #[pyclass(frozen, name = "Field", module = "helio_py")]
 pub(crate) struct PyField {
     inner: Inner,
@@ -138,23 +166,38 @@ impl PyField {
 impl PyField {
     #[new]
     #[pyo3(
-        signature = (position_enu_m, aim_enu_m, *, ids=None, mode=None, axis_azimuth_rad=None, latitude_rad=None, **columns),
-        text_signature = "(position_enu_m, aim_enu_m, *, ids=None, mirror_offset_m=0.0, pedestal_tilt_rad=0.0, pedestal_tilt_azimuth_rad=0.0, axis_nonorthogonality_rad=0.0, mirror_tilt_rad=0.0, azimuth_reference_rad=0.0, elevation_reference_rad=0.0, axis1_sag_rad=0.0, axis2_sag_rad=0.0, axis2_eccentricity_rad=0.0, axis1_min_rad=None, axis1_max_rad=None, axis2_min_rad=None, axis2_max_rad=None, mode='azimuth-elevation', axis_azimuth_rad=None, latitude_rad=None)"
+        signature = (position_enu_m, aim_enu_m=None, *, aim=None, ids=None, mode=None, axis_azimuth_rad=None, latitude_rad=None, site=None, targets=None, drives=None, **columns),
+        text_signature = "(position_enu_m, aim_enu_m=None, *, aim=None, ids=None, mirror_offset_m=0.0, pedestal_tilt_rad=0.0, pedestal_tilt_azimuth_rad=0.0, axis_nonorthogonality_rad=0.0, mirror_tilt_rad=0.0, azimuth_reference_rad=0.0, elevation_reference_rad=0.0, axis1_sag_rad=0.0, axis2_sag_rad=0.0, axis2_eccentricity_rad=0.0, axis1_min_rad=None, axis1_max_rad=None, axis2_min_rad=None, axis2_max_rad=None, mode='azimuth-elevation', axis_azimuth_rad=None, latitude_rad=None, site=None, targets=None, drives=None)"
     )]
+    #[allow(clippy::too_many_arguments)] // the call's own
     fn new(
         position_enu_m: &Bound<'_, PyAny>,
-        aim_enu_m: &Bound<'_, PyAny>,
+        aim_enu_m: Option<&Bound<'_, PyAny>>,
+        aim: Option<&Bound<'_, PyAny>>,
         ids: Option<&Bound<'_, PyAny>>,
         mode: Option<&Bound<'_, PyAny>>,
         axis_azimuth_rad: Option<&Bound<'_, PyAny>>,
         latitude_rad: Option<&Bound<'_, PyAny>>,
+        site: Option<&Bound<'_, PyAny>>,
+        targets: Option<&Bound<'_, PyAny>>,
+        drives: Option<&Bound<'_, PyAny>>,
         columns: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         guarded(|| {
-            let mode = columns::mode(mode, axis_azimuth_rad, latitude_rad)?;
-            let field = columns::field(position_enu_m, aim_enu_m, ids, mode, columns)?;
+            let surroundings = surroundings::text(position_enu_m.py(), site, targets)?;
+            let around = surroundings::read(&surroundings)?;
+            let given = columns::Given {
+                position_enu_m,
+                aim_enu_m,
+                aim,
+                ids,
+                mode: columns::mode(mode, axis_azimuth_rad, latitude_rad, around.0.as_ref())?,
+                drives,
+                quantities: columns,
+            };
+            let parts = columns::parts(&given, around)?;
             Ok(Self {
-                inner: Inner::of_columns(field)?,
+                inner: Inner::of_columns(parts, surroundings, None)?,
                 calibration: None,
             })
         })
@@ -325,11 +368,29 @@ impl PyField {
     /// Drives of both axes of each heliostat, as a list of pairs; None where an axis has none.
     #[getter]
     fn drives<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
-        let pairs = (0..self.inner.len()).map(|row| {
-            let [axis1, axis2] = self.inner.drives(row).map(|drive| drive.map(PyDrive));
-            (axis1, axis2)
-        });
-        PyList::new(py, pairs.collect::<Vec<_>>())
+        columns::pairs(py, &self.inner.loaded().drives)
+    }
+
+    /// Where the field lies, as the mapping that `site` takes; None if nothing says so.
+    #[getter]
+    fn site<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let site = self.inner.site();
+        site.map(|site| surroundings::site(py, site)).transpose()
+    }
+
+    /// What can be aimed at, as the mapping that `targets` takes.
+    #[getter]
+    fn targets<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        surroundings::targets(py, &self.inner.loaded().targets)
+    }
+
+    /// Name of the target that each heliostat aims at, in field order; None for one that aims at a point of its own.
+    #[getter]
+    fn aim<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        let loaded = self.inner.loaded();
+        let names: Vec<&str> = loaded.targets.keys().map(String::as_str).collect();
+        let each = loaded.target_of.iter();
+        PyList::new(py, each.map(|number| number.map(|number| names[number])))
     }
 
     /// Motor steps of both axes, not rounded, for encoder angles [rad] of shape (n,) or (m, n); NaN where there
@@ -386,13 +447,13 @@ impl PyField {
     /// Things worth saying about the files read, that stop nothing.
     #[getter]
     fn warnings(&self) -> Vec<String> {
-        self.inner.warnings().to_vec()
+        self.inner.loaded().warnings.clone()
     }
 
     /// Every file read, field.toml first; none for a field of columns.
     #[getter]
     fn files(&self) -> Vec<PathBuf> {
-        self.inner.files().to_vec()
+        self.inner.loaded().files.clone()
     }
 
     /// A field of columns is pickled as its columns, one of files as their names and hashes: it is read again,
@@ -406,8 +467,13 @@ impl PyField {
             let calibration = slf.get().calibration.as_ref();
             return (again, (path, hashes, calibration)).into_pyobject(py);
         }
-        let columns = columns::arguments(slf)?;
-        (class.getattr("_from_columns")?, (columns,)).into_pyobject(py)
+        let columns = columns::arguments(py, &inner.parts())?;
+        let others = (inner.surroundings(), slf.get().calibration.as_ref());
+        (
+            class.getattr("_from_columns")?,
+            (columns, others.0, others.1),
+        )
+            .into_pyobject(py)
     }
 
     /// Itself: a field does not change.
@@ -422,8 +488,13 @@ impl PyField {
 
     /// The field of a dict of arguments, for pickle.
     #[staticmethod]
-    fn _from_columns<'py>(arguments: &Bound<'py, PyDict>) -> PyResult<Bound<'py, PyAny>> {
-        arguments.py().get_type::<Self>().call((), Some(arguments))
+    #[pyo3(signature = (arguments, surroundings="", calibration=None))]
+    fn _from_columns(
+        arguments: &Bound<'_, PyDict>,
+        surroundings: &str,
+        calibration: Option<Py<PyList>>,
+    ) -> PyResult<Self> {
+        guarded(|| Self::from_columns(arguments, surroundings, calibration))
     }
 
     /// The field of files that must not have changed, for pickle.
@@ -453,34 +524,8 @@ impl PyField {
 
     /// This field with another calibration, as columns of the table.
     fn _calibrated(&self, py: Python<'_>, calibration: Py<PyList>) -> PyResult<Self> {
-        guarded(|| {
-            let Some((path, hashes)) = self.inner.read_from() else {
-                let message =
-                    "field: only a field read from files is calibrated so: Field.from_toml";
-                return Err(Failure::new("MissingError", message));
-            };
-            let table = of_columns(calibration.bind(py), "calibration")?;
-            let now: Result<Vec<String>, _> =
-                self.inner.files().iter().map(|f| hash_file(f)).collect();
-            if now? != hashes {
-                return Err(changed(path, "read"));
-            }
-            let inner = py.detach(|| Inner::load_calibrated(path, &table))?;
-            Ok(Self {
-                inner,
-                calibration: Some(calibration),
-            })
-        })
+        guarded(|| self.with_calibration(py, calibration))
     }
-}
-
-/// Files that are not any more what they were.
-fn changed(path: &Path, since: &str) -> Failure {
-    let message = format!(
-        "{}: it, or a table it names, has changed since this field was {since}",
-        path.display()
-    );
-    Failure::new("ConflictError", message)
 }
 
 /// A shape that must be that of points.

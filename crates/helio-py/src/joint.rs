@@ -17,7 +17,7 @@ use helio_io::{
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
 
-use crate::calibrate::{columns_of_sets, hash_text, observed, of_option};
+use crate::calibrate::{columns_of_sets, observed, of_option};
 use crate::failure::Failure;
 use crate::field::PyField;
 use crate::guard::guarded;
@@ -123,12 +123,12 @@ pub(crate) fn _calibrate_joint<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     guarded(|| {
         let inner = PyField::of(field)?.get().inner();
-        let (loaded, hashes) = inner.files_read()?;
+        let loaded = inner.with_targets()?;
         let observations = Given::of(observations, "observations")?;
         let spots = spots.map(|spots| Given::of(spots, "spots")).transpose()?;
         words.check(loaded, [Some(&observations), spots.as_ref()])?;
         needs_site(loaded)?;
-        let field_hash = hash_text(&hashes.join(" "));
+        let field_hash = inner.hash();
         let found = watched(py, progress.as_ref(), |watch| {
             found(
                 &words,

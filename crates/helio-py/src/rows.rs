@@ -199,12 +199,8 @@ pub(crate) fn _angles<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     guarded(|| {
         let inner = PyField::of(field)?.get().inner();
-        let Some(loaded) = inner.loaded() else {
-            let message = "field: a table of angles wants a field read from files: Field.from_toml";
-            return Err(Failure::new("MissingError", message));
-        };
         let given = Given::of(angles, "azimuth_rad")?;
-        let read = py.detach(|| load_angles(given.source(), loaded))?;
+        let read = py.detach(|| load_angles(given.source(), inner.loaded()))?;
         let rows = read.heliostat.len();
         let dict = PyDict::new(py);
         let heliostats: Vec<i64> = read.heliostat.iter().map(|&h| h as i64).collect();

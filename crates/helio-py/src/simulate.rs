@@ -130,7 +130,7 @@ impl From<CampaignAsked> for ObservationPlan {
     }
 }
 
-/// A campaign of observations of a field read from its files.
+/// A campaign of observations of a field with a site and targets.
 #[pyfunction]
 pub(crate) fn _simulate_observations(
     py: Python<'_>,
@@ -140,22 +140,12 @@ pub(crate) fn _simulate_observations(
 ) -> PyResult<PyCampaign> {
     guarded(|| {
         let field = PyField::of(field)?.clone().unbind();
-        if field.get().inner().loaded().is_none() {
-            let message = "a field of columns has no targets to see spots on and no site; read one from its files by \
-                           Field.from_toml";
-            return Err(Failure::of("OptionError", "field", message));
-        }
+        field.get().inner().with_targets()?;
         let plan = ObservationPlan::from(asked);
         let seen = watched(py, progress.as_ref(), |watch| {
-            // Looked at above.
-            let loaded = field.get().inner().loaded();
-            loaded.map(|loaded| SimulatedObservations::of(loaded, &plan, watch))
-        })?;
-        match seen {
-            Some(Ok(seen)) => Ok(PyCampaign { field, seen }),
-            Some(Err(error)) => Err(error.into()),
-            None => Err(Failure::new("InternalError", "simulate: no field")),
-        }
+            SimulatedObservations::of(field.get().inner().loaded(), &plan, watch)
+        })??;
+        Ok(PyCampaign { field, seen })
     })
 }
 
@@ -264,9 +254,9 @@ impl PyCampaign {
             };
             let destination = Destination::File(path);
             let field = self.field.get().inner();
-            py.detach(|| match (truth, field.loaded()) {
-                (true, Some(loaded)) => self.seen.write_truth(loaded, destination, format),
-                _ => self.seen.write(destination, format).map(|_| ()),
+            py.detach(|| match truth {
+                true => self.seen.write_truth(field.loaded(), destination, format),
+                false => self.seen.write(destination, format).map(|_| ()),
             })?;
             Ok(())
         })

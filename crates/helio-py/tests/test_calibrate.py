@@ -101,8 +101,8 @@ def test_applied_is_as_read_from_the_written_table(
     assert not same_bits(hp.track(example, 3.0, 0.8), want)
     again = pickle.loads(pickle.dumps(applied))
     assert same_bits(hp.track(again, 3.0, 0.8), want)
-    with pytest.raises(hp.MissingError, match=r"Field\.from_toml"):
-        calibration.apply(hp.Field([[0, 0, 0]], [0, 0, 1]))
+    bare = hp.Field(example.position_enu_m, example.aim_enu_m, ids=example.ids, mirror_offset_m=example.mirror_offset_m)
+    assert bool((calibration.apply(bare).mirror_tilt_rad == applied.mirror_tilt_rad).all())
 
 
 def test_it_survives_pickling(calibration: hp.Calibration, example: hp.Field) -> None:

@@ -148,8 +148,8 @@ def test_wrong_calls_are_named(example: hp.Field) -> None:
         tracking.to_table(example, times=TIMES[0])
     with pytest.raises(hp.OptionError, match="kind: wanted dict"):
         tracking.to_table(field, "excel", times=TIMES[0])
-    with pytest.raises(hp.MissingError, match=r"Field\.from_toml"):
-        hp.predict(field, {"id": ["0"]})
+    with pytest.raises(hp.MissingError, match=r"column `axis1_deg` \(or `azimuth_deg`\) is missing"):
+        hp.predict(field, {"id": [field.ids[0]]})
     row: dict[str, Any] = {"id": [example.ids[0]], "azimuth_deg": [180.0], "elevation_deg": [45.0]}
     with pytest.raises(hp.OptionError, match="wants a column time"):
         hp.predict(example, row)

@@ -138,7 +138,7 @@ def test_wrong_calls_are_refused(asked: dict[str, Any], error: type[Exception], 
 
 
 def test_fields_without_files_cannot_be_observed() -> None:
-    with pytest.raises(hp.OptionError, match=r"Field\.from_toml"):
+    with pytest.raises(hp.MissingError, match=r"Field\.from_toml"):
         hp.simulate_observations(hp.Field([[0, 50, 5]], [0, 0, 50]))
     with pytest.raises(hp.OptionError, match="layout"):
         hp.simulate_field(10, "square")

@@ -123,7 +123,13 @@ def calls(tmp_path: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]
     none = dict.fromkeys
     return {
         "Field": (hp.Field, {"position_enu_m": [[0, 90, 6]], "aim_enu_m": [0, 0, 120], **none(
-            ("ids", "mode", "mirror_offset_m", "pedestal_tilt_rad", "axis1_min_rad"))}),
+            ("ids", "mode", "mirror_offset_m", "pedestal_tilt_rad", "axis1_min_rad", "aim", "axis_azimuth_rad",
+             "latitude_rad", "site", "targets", "drives"))}),
+        "Field of a site": (lambda **site: hp.Field([[0, 90, 6]], [0, 0, 120], site=site), {
+            "latitude_deg": 37.4, "longitude_deg": -6.25, "elevation_m": 20, **none(
+            ("name", "pressure_hpa", "temperature_c", "delta_t_s", "ut1_utc_s"))}),
+        "Field of targets": (lambda **target: hp.Field([[0, 90, 6]], aim="board", targets={"board": target}), {
+            "centre_enu_m": [0, 8, 70], "normal_enu": [0, 1, 0], "width_m": 14, "height_m": 12, "right_enu": None}),
         "Field.from_toml": (hp.Field.from_toml, {"path": "examples/field.toml"}),
         "Field.row_of": (field.row_of, {"id": "H001"}),
         "Field.sun_position": (field.sun_position, {"times": NOON}),

@@ -3,6 +3,7 @@
 mod calibration;
 mod drives;
 mod layout;
+mod parts;
 mod site;
 
 use std::collections::{BTreeMap, HashMap};
@@ -15,6 +16,7 @@ use helio_core::{AxisLimits, Enu, EnuUnit, Field, Heliostat, TargetPlane, Tracki
 
 pub(crate) use calibration::ignored as ignored_in_calibrations;
 pub use calibration::{CalibrationSchedule, Lapse};
+pub use parts::{FieldParts, surroundings_of_text};
 pub use site::{Site, Target, TargetArea};
 
 use crate::error::{IoError, Problem, said};

@@ -204,10 +204,10 @@ class Calibration:
         _write_table(path, self._table(kind))
 
     def apply(self, field: Field) -> Field:
-        """The field with this calibration in the place of the one its files name.
+        """The field with this calibration in the place of the one it has.
 
-        As if `field.toml` named the written table: heliostats without a result keep what the layout states. The field
-        must have been read from files, and these must not have changed.
+        As if `field.toml` named the written table: heliostats without a result keep what the layout states. Of a field
+        read from files these must not have changed; of a field made of columns these are the layout.
         """
         if not isinstance(field, Field):
             raise wrong_type("field", "a Field", field)
@@ -339,7 +339,8 @@ def calibrate(
     Parameters
     ----------
     field : Field
-        Read from files: observations name its targets.
+        With the targets that observations name: read from files, or made with `targets` (and a `site`, where records
+        have times and no sun).
     observations : table
         Columns `heliostat_id`, `time` (with zone) or `sun_azimuth_deg, sun_elevation_deg`, encoder angles
         `axis1_deg, axis2_deg` or motor steps `axis1_steps, axis2_steps`, `target`, the spot as `u_m, v_m` or

@@ -1,4 +1,4 @@
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any, Final, final
@@ -88,8 +88,9 @@ class Field:
     def __new__(
         cls,
         position_enu_m: ArrayLike,
-        aim_enu_m: ArrayLike,
+        aim_enu_m: ArrayLike | None = None,
         *,
+        aim: str | Sequence[str] | None = None,
         ids: Sequence[str] | None = None,
         mirror_offset_m: ArrayLike = 0.0,
         pedestal_tilt_rad: ArrayLike = 0.0,
@@ -108,6 +109,9 @@ class Field:
         mode: str = "azimuth-elevation",
         axis_azimuth_rad: float | None = None,
         latitude_rad: float | None = None,
+        site: Mapping[str, Any] | None = None,
+        targets: Mapping[str, Mapping[str, Any]] | None = None,
+        drives: tuple[Drive | None, Drive | None] | Sequence[tuple[Drive | None, Drive | None]] | None = None,
     ) -> Field: ...
     @staticmethod
     def from_toml(path: str | PathLike[str]) -> Field: ...
@@ -156,6 +160,12 @@ class Field:
     def axis2_max_rad(self) -> NDArray[np.float64]: ...
     @property
     def drives(self) -> list[tuple[Drive | None, Drive | None]]: ...
+    @property
+    def site(self) -> dict[str, Any] | None: ...
+    @property
+    def targets(self) -> dict[str, dict[str, Any]]: ...
+    @property
+    def aim(self) -> list[str | None]: ...
     def steps(
         self, azimuth_rad: ArrayLike, elevation_rad: ArrayLike
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
@@ -170,7 +180,11 @@ class Field:
     def __copy__(self) -> Field: ...
     def __deepcopy__(self, _memo: Any, /) -> Field: ...
     @staticmethod
-    def _from_columns(arguments: dict[str, Any]) -> Field: ...
+    def _from_columns(
+        arguments: dict[str, Any],
+        surroundings: str = "",
+        calibration: list[tuple[str, str, Any]] | None = None,
+    ) -> Field: ...
     @staticmethod
     def _read_again(
         path: str | PathLike[str], hashes: Sequence[str], calibration: list[tuple[str, str, Any]] | None = None

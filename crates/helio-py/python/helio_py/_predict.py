@@ -114,8 +114,8 @@ def predict(
     Notes
     -----
     A table of angles has the columns that ``helio-rs predict --angles`` takes, such as a Tracking's table has: `id`,
-    `azimuth_deg, elevation_deg` (or `axis1_steps, axis2_steps`), and `time` or `sun_azimuth_deg, sun_elevation_deg`. It
-    wants a field read from files; rows come back in its order, those without angles left aside.
+    `azimuth_deg, elevation_deg` (or `axis1_steps, axis2_steps`), and `time` or `sun_azimuth_deg, sun_elevation_deg`. Rows
+    come back in its order, those without angles left aside.
 
     Guo 2015 eqs. (30) to (36); the numbers of ``helio-rs predict`` to the last bit.
 

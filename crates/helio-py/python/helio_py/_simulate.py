@@ -107,7 +107,8 @@ def simulate_observations(
     Parameters
     ----------
     field : Field
-        One read from its files: the sun needs its site, and spots are seen on its targets.
+        With a site, which the sun needs, and targets, on which spots are seen: read from files, or made with `site` and
+        `targets`.
     heliostats : int, optional
         So many of them, evenly over the field; by default all.
     ids : sequence of str, optional

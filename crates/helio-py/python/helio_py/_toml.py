@@ -22,10 +22,27 @@ def path_and_text(value: Any, what: str, of: str) -> tuple[str, str | None]:
     raise wrong(what, f"expected the path of a {of} or a mapping of its keys, got {found}")
 
 
+def surroundings(site: Any, targets: Any) -> str:
+    """What a field.toml would say of the site and the targets of a field."""
+    text = ""
+    if site is not None:
+        if not isinstance(site, Mapping):
+            raise wrong("site", f"expected a mapping of the keys of [site], got {type(site).__name__}")
+        text += f"[site]\n{toml_of(site, 'site')}"
+    if targets is not None:
+        if not isinstance(targets, Mapping):
+            raise wrong("targets", f"expected names and mappings of their keys, got {type(targets).__name__}")
+        for name, target in targets.items():
+            if not isinstance(target, Mapping):
+                raise wrong("targets", f"{name}: expected a mapping of keys, got {type(target).__name__}")
+            text += f"[targets.{_key(name, 'targets')}]\n{toml_of(target, f'targets {name}')}"
+    return text
+
+
 def wrong(what: str, message: str) -> DataTypeError:
-    """An argument that is not what is wanted."""
+    """An argument that is not what is wanted; behind its name may stand what of it."""
     error = DataTypeError(f"{what}: {message}")
-    error.field = what
+    error.field = what.partition(" ")[0]
     return error
 
 

@@ -1,17 +1,19 @@
 //! What a field is, and the trackers made for it.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use helio_core::drive::Drive;
 use helio_core::error::FieldError;
 use helio_core::tracking::TrackingColumns;
-use helio_core::{EnuUnit, Field, OffsetForm, Status, TargetPlane, Tracker};
+use helio_core::{Field, OffsetForm, Status, TargetPlane, Tracker};
 use helio_io::{
-    CalibrationSchedule, LoadedField, MemoryTable, Site, hash_file, load_field,
+    CalibrationSchedule, FieldParts, LoadedField, MemoryTable, Site, hash_file, load_field,
     load_field_calibrated,
 };
 
+use crate::calibrate::hash_text;
 use crate::failure::Failure;
 
 /// Angles that rounding may put beyond a limit \[rad\].
@@ -19,6 +21,7 @@ const ROUNDING_RAD: f64 = 2e-12;
 
 /// A field and the constants of its heliostats, computed once.
 pub(crate) struct Inner {
+    loaded: Box<LoadedField>,
     source: Source,
     exact: Arc<Tracker>,
     /// Trackers of other offset forms asked for.
@@ -27,17 +30,32 @@ pub(crate) struct Inner {
 }
 
 enum Source {
-    Columns(Field),
+    Columns {
+        /// What the columns said, where a calibration has been put in their place.
+        before: Option<Box<FieldParts>>,
+        /// `[site]` and `[targets]` as they were given.
+        surroundings: String,
+    },
     Files {
-        loaded: Box<LoadedField>,
         path: PathBuf,
         hashes: Vec<String>,
     },
 }
 
 impl Inner {
-    pub(crate) fn of_columns(field: Field) -> Result<Self, Failure> {
-        Self::new(Source::Columns(field))
+    /// A field of columns; `surroundings` is the text that its site and targets were read from.
+    pub(crate) fn of_columns(
+        parts: FieldParts,
+        surroundings: String,
+        calibration: Option<&MemoryTable>,
+    ) -> Result<Self, Failure> {
+        let before = calibration.map(|_| Box::new(parts.clone()));
+        let loaded = LoadedField::of_parts(parts, calibration.map(Into::into))?;
+        let source = Source::Columns {
+            before,
+            surroundings,
+        };
+        Self::new(loaded, source)
     }
 
     /// Reads a field.toml.
@@ -56,23 +74,16 @@ impl Inner {
         for file in &mut loaded.files {
             *file = absolute(file);
         }
-        let loaded = Box::new(loaded);
         let hashes: Result<_, _> = loaded.files.iter().map(|file| hash_file(file)).collect();
-        let path = absolute(path);
-        Self::new(Source::Files {
-            loaded,
-            path,
-            hashes: hashes?,
-        })
+        let (path, hashes) = (absolute(path), hashes?);
+        Self::new(loaded, Source::Files { path, hashes })
     }
 
-    fn new(source: Source) -> Result<Self, Failure> {
-        let exact = Arc::new(Tracker::new(source.field(), OffsetForm::Exact)?);
-        let drives_end_early = match &source {
-            Source::Columns(_) => false,
-            Source::Files { loaded, .. } => drives_end_early(loaded),
-        };
+    fn new(loaded: LoadedField, source: Source) -> Result<Self, Failure> {
+        let exact = Arc::new(Tracker::new(&loaded.field, OffsetForm::Exact)?);
+        let drives_end_early = drives_end_early(&loaded);
         Ok(Self {
+            loaded: Box::new(loaded),
             source,
             exact,
             others: Mutex::default(),
@@ -81,7 +92,7 @@ impl Inner {
     }
 
     pub(crate) fn field(&self) -> &Field {
-        self.source.field()
+        &self.loaded.field
     }
 
     pub(crate) fn len(&self) -> usize {
@@ -111,74 +122,79 @@ impl Inner {
         Ok(made)
     }
 
-    pub(crate) fn loaded(&self) -> Option<&LoadedField> {
-        match &self.source {
-            Source::Columns(_) => None,
-            Source::Files { loaded, .. } => Some(loaded),
-        }
+    pub(crate) fn loaded(&self) -> &LoadedField {
+        &self.loaded
     }
 
     /// Calibrations that change with the hour or the date, and where the sun is seen from.
     pub(crate) fn schedule(&self) -> Option<(&CalibrationSchedule, Option<&Site>)> {
-        let loaded = self.loaded()?;
-        let schedule = loaded.schedule.as_ref()?;
-        Some((schedule, loaded.site.as_ref()))
+        let schedule = self.loaded.schedule.as_ref()?;
+        Some((schedule, self.loaded.site.as_ref()))
     }
 
     pub(crate) fn site(&self) -> Option<&Site> {
-        self.loaded()?.site.as_ref()
+        self.loaded.site.as_ref()
     }
 
-    pub(crate) fn warnings(&self) -> &[String] {
-        self.loaded().map_or(&[], |loaded| &loaded.warnings)
-    }
-
-    pub(crate) fn files(&self) -> &[PathBuf] {
-        self.loaded().map_or(&[], |loaded| &loaded.files)
-    }
-
-    /// What was read from files, and their hashes, for a calibration.
+    /// A field on whose targets spots are seen.
     ///
     /// # Errors
-    /// `MissingError` for a field of columns.
-    pub(crate) fn files_read(&self) -> Result<(&LoadedField, &[String]), Failure> {
+    /// `MissingError` for a field of columns without targets.
+    pub(crate) fn with_targets(&self) -> Result<&LoadedField, Failure> {
+        if self.is_bare() {
+            let message = "field: observations are of targets, which this field has none of; give it \
+                           `targets` and `site`, or read it from files: Field.from_toml";
+            return Err(Failure::new("MissingError", message));
+        }
+        Ok(&self.loaded)
+    }
+
+    /// True for columns of heliostats and nothing around them.
+    pub(crate) fn is_bare(&self) -> bool {
+        matches!(self.source, Source::Columns { .. }) && self.loaded.targets.is_empty()
+    }
+
+    /// SHA-256 of all that it was made from.
+    pub(crate) fn hash(&self) -> String {
         match &self.source {
-            Source::Files { loaded, hashes, .. } => Ok((loaded, hashes)),
-            Source::Columns(_) => {
-                let message = "field: observations are of targets, which only a field read from files has: Field.from_toml";
-                Err(Failure::new("MissingError", message))
-            }
+            Source::Files { hashes, .. } => hash_text(&hashes.join(" ")),
+            Source::Columns { .. } => super::columns::hash(&self.parts(), self.surroundings()),
+        }
+    }
+
+    /// What its columns said before a calibration was put in their place.
+    pub(crate) fn parts(&self) -> Cow<'_, FieldParts> {
+        match &self.source {
+            Source::Columns {
+                before: Some(before),
+                ..
+            } => Cow::Borrowed(before),
+            _ => Cow::Owned(FieldParts::of(&self.loaded)),
+        }
+    }
+
+    pub(crate) fn surroundings(&self) -> &str {
+        match &self.source {
+            Source::Columns { surroundings, .. } => surroundings,
+            Source::Files { .. } => "",
         }
     }
 
     /// The plane on which a heliostat's beam is looked at: its target's, or one through its aim that faces it.
     pub(crate) fn plane_for(&self, row: usize) -> Result<TargetPlane, FieldError> {
-        if let Some(loaded) = self.loaded() {
-            return loaded.plane_for(row);
-        }
-        let heliostats = self.field().heliostats();
-        let count = heliostats.len();
-        let heliostat = heliostats
-            .get(row)
-            .ok_or(FieldError::NoSuchRow { row, count })?;
-        let toward_field = EnuUnit::try_new(heliostat.pivot - heliostat.aim);
-        Ok(TargetPlane::level(
-            heliostat.aim,
-            toward_field.unwrap_or(EnuUnit::UP),
-        ))
+        self.loaded.plane_for(row)
     }
 
     /// The file it was read from, and the hashes of all files read.
     pub(crate) fn read_from(&self) -> Option<(&Path, &[String])> {
         match &self.source {
-            Source::Columns(_) => None,
-            Source::Files { path, hashes, .. } => Some((path, hashes)),
+            Source::Columns { .. } => None,
+            Source::Files { path, hashes } => Some((path, hashes)),
         }
     }
 
     pub(crate) fn drives(&self, row: usize) -> [Option<Drive>; 2] {
-        let drives = self.loaded().and_then(|loaded| loaded.drives.get(row));
-        drives.copied().unwrap_or_default()
+        self.loaded.drives.get(row).copied().unwrap_or_default()
     }
 
     /// True if some angles within the limits have no steps, so that rows must be looked at once more.
@@ -205,15 +221,6 @@ impl Inner {
             }
         }
         any
-    }
-}
-
-impl Source {
-    fn field(&self) -> &Field {
-        match self {
-            Self::Columns(field) => field,
-            Self::Files { loaded, .. } => &loaded.field,
-        }
     }
 }
 

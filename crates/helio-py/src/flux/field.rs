@@ -30,7 +30,11 @@ pub(crate) fn _flux_field(
         let sun = direction(0, sun_azimuth_rad, sun_elevation_rad)?;
         watched(py, progress.as_ref(), |watch| {
             let inner = field.get().inner();
-            let scene = scene.read(inner.loaded().map_or(SceneOf::Heliostats, SceneOf::Field))?;
+            let of = match inner.is_bare() {
+                true => SceneOf::Heliostats,
+                false => SceneOf::Field(inner.loaded()),
+            };
+            let scene = scene.read(of)?;
             let Some(mirror) = scene.mirror.heliostat else {
                 // A scene of heliostats has one.
                 return Err(Failure::new("MissingError", "the scene has no [mirror]"));

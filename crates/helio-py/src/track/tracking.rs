@@ -4,7 +4,6 @@ use std::ffi::{c_int, c_void};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use helio_core::Status;
-use helio_io::LoadedField;
 use helio_io::output::{Number, Scale};
 use numpy::npyffi::{NPY_ARRAY_CARRAY, NpyTypes, PY_ARRAY_API, get_type_object};
 use numpy::{Element, PyArrayDescrMethods, PyUntypedArray};
@@ -302,7 +301,7 @@ impl PyTracking {
                 Double::LimitExcess,
             ];
             let mut columns = columns.map(|column| self.copied(column)).to_vec();
-            if inner.loaded().is_some_and(LoadedField::has_drives) {
+            if inner.loaded().has_drives() {
                 for (axis, name) in ["axis1_steps", "axis2_steps"].into_iter().enumerate() {
                     let steps = |(row, &angle): (usize, &f64)| {
                         let drive = inner.drives(row % self.heliostats)[axis];
