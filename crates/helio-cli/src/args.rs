@@ -1,6 +1,7 @@
 //! What was typed: degrees, paths, text. Nothing is opened or computed here.
 
 mod accuracy;
+mod convert;
 mod flux;
 mod spot;
 
@@ -15,6 +16,7 @@ use helio_io::output::Format;
 pub(crate) use spot::{MarksWord, MethodWord, Raw, ShapeWord, SimulateImagesArgs, SpotArgs};
 
 pub(crate) use accuracy::{AcceptWord, AccuracyArgs, SimulateCampaignArgs};
+pub(crate) use convert::{Convert, ConvertPaintArgs};
 pub(crate) use flux::{DeformWord, FluxArgs, InsteadArgs};
 
 /// Said wherever somebody might expect it.
@@ -88,6 +90,11 @@ pub(crate) enum Verb {
         #[command(subcommand)]
         what: Simulate,
     },
+    /// Turn records of others into a field and its observations
+    Convert {
+        #[command(subcommand)]
+        what: Convert,
+    },
     /// Print the JSON Schema of field.toml, of target.toml, or of scene.toml
     #[command(after_help = "Example:\n  helio-rs schema > field.schema.json\n  \
                             helio-rs schema target > target.schema.json\n  \
@@ -122,6 +129,9 @@ impl Verb {
             } => images.quiet,
             Self::Spot(spot) => spot.out.quiet,
             Self::Flux(flux) => flux.quiet,
+            Self::Convert {
+                what: Convert::Paint(paint),
+            } => paint.quiet,
             Self::Schema { .. } => false,
         }
     }

@@ -66,6 +66,7 @@ fn run(args: &Args, printer: &Printer) -> Result<Outcome, Failure> {
         Verb::Flux(flux) => commands::flux::run(flux, printer),
         Verb::Accuracy(accuracy) => commands::accuracy::run(accuracy, printer),
         Verb::Simulate { what } => commands::simulate::run(what, printer),
+        Verb::Convert { what } => commands::convert::run(what, printer),
         Verb::Schema { of } => commands::schema::run(*of, printer),
     }
 }

@@ -860,10 +860,14 @@ fn the_examples_of_the_help_work() {
         &["simulate", "images"],
         &["spot"],
         &["calibrate"],
+        &["convert", "paint"],
         &["schema"],
     ];
     let folder = Folder::empty();
-    std::fs::create_dir(folder.path().join("examples")).unwrap();
+    common::copy_folder(
+        &examples.join("paint"),
+        &folder.path().join("examples/paint"),
+    );
     for name in ["field.toml", "heliostats.csv"] {
         let to = folder.path().join("examples").join(name);
         std::fs::copy(examples.join(name), to).unwrap();

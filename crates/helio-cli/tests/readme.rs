@@ -47,6 +47,10 @@ fn run(page: &Path) -> (usize, usize) {
         let from = root().join("examples").join(name);
         std::fs::copy(from, folder.path().join("examples").join(name)).unwrap();
     }
+    common::copy_folder(
+        &root().join("examples/paint"),
+        &folder.path().join("examples/paint"),
+    );
     let text = std::fs::read_to_string(page).unwrap().replace("\\\n", " ");
     let (mut commands, mut looked_for) = (0, 0);
     let mut block = None;

@@ -36,6 +36,7 @@ mod log;
 mod meshes;
 mod observations;
 pub mod output;
+mod paint;
 mod pictures;
 mod scene;
 mod schema;
@@ -82,6 +83,7 @@ pub use observations::{
     HeliostatObservations, LeftAside, LeftAsideReason, Observations, load_observations,
     load_observations_with_spots,
 };
+pub use paint::{Paint, PaintCentroid, PaintError, PaintFiles, PaintWatch};
 pub use pictures::{write_frame, write_rgb};
 pub use scene::{
     FluxScene, MirrorPart, SceneMethod, SceneMirror, SceneOf, SceneRays, SceneSun, SceneUnit,

@@ -202,6 +202,11 @@ impl From<IoError> for Failure {
             Problem::Unknown { name, .. } => Some(name.as_str()),
             // "the column `time`"
             Problem::Missing { what, .. } => what.split('`').nth(1),
+            Problem::WrongKind { what, .. }
+            | Problem::NotFinite { what, .. }
+            | Problem::OutOfRange { what, .. } => {
+                Some(what.as_str()).filter(|what| !what.is_empty())
+            }
             _ => None,
         };
         if let Some(field) = place.field.as_deref().or(named) {

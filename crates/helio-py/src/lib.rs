@@ -24,6 +24,7 @@ mod forward;
 mod given;
 mod guard;
 mod joint;
+mod paint;
 mod pool;
 mod predict;
 mod rows;
@@ -64,6 +65,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<simulate::PyCampaign>()?;
     module.add_function(wrap_pyfunction!(simulate::_simulate_field, module)?)?;
     module.add_function(wrap_pyfunction!(simulate::_simulate_observations, module)?)?;
+    module.add_function(wrap_pyfunction!(paint::_convert_paint, module)?)?;
 
     module.add_function(wrap_pyfunction!(predict::_predict, module)?)?;
     module.add_function(wrap_pyfunction!(rows::_landed_table, module)?)?;

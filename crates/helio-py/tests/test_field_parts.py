@@ -181,8 +181,8 @@ WRONG: list[tuple[dict[str, Any], type[hp.HelioError], str]] = [
 def test_wrong_surroundings_are_named(given: dict[str, Any], error: type[hp.HelioError], message: str) -> None:
     with pytest.raises(error, match=re.escape(message)) as caught:
         hp.Field([[0, 50, 5]], **given)
-    assert caught.value.field in {"aim_enu_m", "aim", "site", "targets", "drives", "latitude_rad"}
-    assert caught.value.field in given or error in (hp.MissingError, hp.UnknownNameError)
+    assert caught.value.field is not None
+    assert caught.value.field.partition(".")[0] in given or error in (hp.MissingError, hp.UnknownNameError)
 
 
 def test_what_is_missing_is_said(columns: hp.Field) -> None:

@@ -6,6 +6,7 @@ import csv
 import json
 import os
 import shutil
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -203,6 +204,37 @@ def convert(folder: Path, tower: Any, properties: Any, found: Any, **more: Any) 
     )
 
 
+def test_files_are_those_of_the_command_line(command_line: str, root: Path, tmp_path: Path) -> None:
+    records = root / "examples" / "paint"
+    for centroid in ("HeliOS", "UTIS"):
+        theirs, ours = tmp_path / f"theirs-{centroid}", tmp_path / f"ours-{centroid}"
+        args = ["--tower", records / "tower.json", "--records", records, "--out", theirs, "--centroid", centroid]
+        subprocess.run([command_line, "convert", "paint", *map(str, args)], check=True, capture_output=True)
+        made = hp.convert_paint(records / "tower.json", records, ours, centroid=centroid)
+        assert (made.records, made.heliostats) == (24, ["A1", "A2"])
+        names = sorted(path.name for path in theirs.iterdir())
+        assert names == ["drives.csv", "field.toml", "heliostats.csv", "observations.csv"]
+        for name in names:
+            assert (theirs / name).read_bytes() == (ours / name).read_bytes(), name
+
+
+def test_files_are_counted(root: Path, tmp_path: Path) -> None:
+    told: list[tuple[int, int]] = []
+    records = root / "examples" / "paint"
+    hp.convert_paint(records / "tower.json", records, tmp_path, progress=lambda done, of: told.append((done, of)))
+    assert all(of == 26 and done <= of for done, of in told)
+
+
+def test_files_of_others_are_not_replaced(tmp_path: Path) -> None:
+    made = convert(tmp_path, TOWER, heliostat(), record())
+    before = made.field_toml.read_bytes()
+    assert convert(tmp_path, TOWER, heliostat(), record()).field_toml.read_bytes() == before
+    made.field_toml.write_text(before.decode() + "# mine\n")
+    with pytest.raises(hp.ConflictError, match="changed since"):
+        convert(tmp_path, TOWER, heliostat(), record())
+    assert made.field_toml.read_text().endswith("# mine\n")
+
+
 def test_a_plant_made_up_is_converted(tmp_path: Path) -> None:
     made = convert(tmp_path, TOWER, heliostat(), record())
     field = hp.Field.from_toml(made.field_toml)
@@ -233,7 +265,7 @@ def test_records_that_say_too_little_are_left_aside(change: dict[str, Any], reas
 @pytest.mark.parametrize(
     ("which", "change", "error", "said"),
     [
-        ("record", "{", hp.FileSyntaxError, "no JSON"),
+        ("record", "{", hp.FileSyntaxError, "not valid JSON"),
         ("record", "[]", hp.FileSyntaxError, "object"),
         ("record", {"motor_position": {}}, hp.MissingError, "axis_1_motor_position"),
         ("record", {"focal_spot": {"HeliOS": [50.9, None, 95.0]}}, hp.FileValueError, "focal_spot.HeliOS"),

@@ -181,7 +181,9 @@ def calls(tmp_path: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]
             "azimuth_deg": [100.0], "elevation_deg": [50.0]}, "kind": None}),
         "Flux.write": (flux.write, {"path": tmp_path / "f.csv"}),
         "convert_paint": (hp.convert_paint, {"tower": "tower.json", "records": {}, "out": tmp_path,
-            **none(("heliostats", "aim"))}),
+            **none(("heliostats", "aim", "progress"))}),
+        "convert_paint of a folder": (hp.convert_paint, {"tower": "examples/paint/tower.json",
+            "records": "examples/paint", "out": tmp_path / "plant", "centroid": "UTIS", **none(("aim", "progress"))}),
     }  # fmt: skip
 
 

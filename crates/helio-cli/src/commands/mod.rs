@@ -3,6 +3,7 @@
 pub(crate) mod accuracy;
 pub(crate) mod calibrate;
 pub(crate) mod check;
+pub(crate) mod convert;
 pub(crate) mod flux;
 pub(crate) mod images;
 pub(crate) mod init;

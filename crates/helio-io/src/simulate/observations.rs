@@ -1,5 +1,7 @@
 //! Synthetic campaigns of camera observations.
 
+use std::f64::consts::TAU;
+
 use helio_calib::random::Random;
 use helio_calib::simulate::{ErrorSpread, SimulateOptions, simulate_while};
 use helio_calib::{CalibrationError, Mount, Observation, Parameters};
@@ -410,7 +412,9 @@ impl<'a> Campaign<'a> {
         for (row, o) in seen {
             for (axis, angle_rad) in [o.axis1_rad, o.axis2_rad].into_iter().enumerate() {
                 let drive = self.loaded.drives[*row][axis].as_ref();
-                let steps = drive.and_then(|drive| drive.steps(angle_rad));
+                // Angles come within one turn from zero; a drive may count from a turn before.
+                let turned = [0.0, -TAU, TAU].map(|turn| angle_rad + turn);
+                let steps = drive.and_then(|drive| turned.iter().find_map(|&at| drive.steps(at)));
                 columns[axis].push(steps.ok_or_else(|| SimulateError::NoSteps {
                     id: self.loaded.field.ids()[*row].clone(),
                     axis: axis + 1,

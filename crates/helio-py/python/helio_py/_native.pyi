@@ -341,6 +341,7 @@ class Flux:
     @staticmethod
     def _from_kept(kept: dict[str, Any]) -> Flux: ...
 
+def _convert_paint(asked: dict[str, Any], progress: Callable[[int, int], Any] | None) -> dict[str, Any]: ...
 def _simulate_field(
     heliostats: int,
     layout: str,
