@@ -69,6 +69,10 @@ impl RunError {
     }
 }
 
+/// Worth knowing where records that state no `sigma_m` stand beside a prior.
+pub const PRIOR_WITHOUT_SIGMAS: &str = "--prior without sigma_m: how much records count beside it is told by what a fit \
+                                        without it leaves";
+
 /// The status of a set that tracking may use.
 pub const OK: &str = "ok";
 

@@ -12,8 +12,8 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use helio_calib::schedule::Sets;
 use helio_io::calibrate::{
-    AHEAD_NS, Asked, CHANGES_TOLD, Changes, FitWords, OK, Run, earlier, without_sigmas,
-    write_rejected,
+    AHEAD_NS, Asked, CHANGES_TOLD, Changes, FitWords, OK, PRIOR_WITHOUT_SIGMAS, Run, earlier,
+    without_sigmas, write_rejected,
 };
 use helio_io::{
     AtomicFile, CalibratedSet, IoError, LoadedField, Observations, Provenance, hash_file,
@@ -122,9 +122,7 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
         None => None,
     };
     if !args.fit.prior.is_empty() && observations.heliostats.iter().any(without_sigmas) {
-        printer.note(format_args!(
-            "--prior without sigma_m: how much records count beside it is told by what a fit without it leaves"
-        ));
+        printer.note(format_args!("{PRIOR_WITHOUT_SIGMAS}"));
     }
     let run = Run {
         loaded: &loaded,
@@ -164,7 +162,7 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
             write_rejected(destination, format, rows, &loaded, &observations)?;
         }
         if let Some(proposals) = &proposals {
-            let rows = run.propose(proposals, &done)?;
+            let rows = run.propose(proposals, &done, &|| true)?;
             write_proposals(proposals, &rows, args, &loaded, printer)?;
         }
         // Proposals take the place of the calibration where both would go to standard output.
