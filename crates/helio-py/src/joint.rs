@@ -118,6 +118,20 @@ struct Found {
     leftovers: Option<(bool, [f64; 2], f64, f64)>,
 }
 
+impl Found {
+    /// Writes what goes to files: after a Ctrl-C that came with the end nothing.
+    fn write(&self, page: Option<PageFile>, state: Option<&Path>) -> Result<(), Failure> {
+        if let (Some(file), Some(page)) = (page, &self.page) {
+            file.write(page)?;
+        }
+        if let Some(path) = state {
+            // the state goes last: where anything failed, the same records can be given again
+            write_file(path, &self.state)?;
+        }
+        Ok(())
+    }
+}
+
 /// Calibrates a field as one; tables as lists of columns, numbers as arrays.
 #[pyfunction]
 pub(crate) fn _calibrate_joint<'py>(
@@ -138,8 +152,9 @@ pub(crate) fn _calibrate_joint<'py>(
         let page = PageFile::wanted(words.report.as_deref(), &inputs, loaded)?;
         let field_hash = hash_text(&hashes.join(" "));
         let found = watched(py, progress.as_ref(), |watch| {
-            found(&words, loaded, &inputs, page, field_hash, watch)
+            found(&words, loaded, &inputs, field_hash, watch)
         })??;
+        py.detach(|| found.write(page, words.state.as_deref()))?;
         answer(py, found)
     })
 }
@@ -148,7 +163,6 @@ fn found(
     words: &JointWords,
     loaded: &LoadedField,
     inputs: &Inputs,
-    page: Option<PageFile>,
     field_hash: String,
     watch: &(dyn Fn(u64, u64) -> bool + Sync),
 ) -> Result<Found, Failure> {
@@ -216,17 +230,10 @@ fn found(
     let beside = Beside {
         proposals,
         old,
-        page: page.is_some(),
+        page: words.report.is_some(),
         leftovers: words.leftovers,
     };
     let told = told(&run, &all, &provenance, &beside)?;
-    if let (Some(file), Some(page)) = (page, &told.page) {
-        file.write(page)?;
-    }
-    if let Some(path) = &words.state {
-        // the state goes last: where anything failed, the same records can be given again
-        write_file(path, &told.state)?;
-    }
     let said = said.into_inner().unwrap_or_else(PoisonError::into_inner);
     let warnings = observations.warnings.iter().cloned();
     Ok(Found {
