@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
+use helio_calib::Parameter;
 use helio_io::calibrate::joint::{
     Following, JointAsked, JointFound, JointRun, NOT_AS_ONE, Remark, alarm_words, days_of,
     jump_words, needs_site,
@@ -112,6 +113,8 @@ struct Found {
     state: Vec<u8>,
     noise: [(&'static str, f64); 3],
     wander: [(&'static str, Vec<f64>); 4],
+    /// Mean and standard deviation over the field of each angle of a mount \[rad\].
+    of_field: Vec<(&'static str, (f64, f64))>,
     joint: Vec<f64>,
     off: bool,
     converged: bool,
@@ -375,12 +378,21 @@ fn told(
             ("fast_mrad", wander.fast_mrad.to_vec()),
             ("fast_days", vec![wander.fast_days]),
         ],
+        of_field: of_field(all),
         off: all.off,
         converged: all.converged(),
         leftovers,
         sets,
         tables,
     })
+}
+
+/// What heliostats of the field are like.
+fn of_field(all: &JointFound<'_>) -> Vec<(&'static str, (f64, f64))> {
+    let (mean, covariance) = (all.state.field_mean(), all.state.field_covariance());
+    let angles = Parameter::ALL.iter().take(6).enumerate();
+    let of = |k: usize| (mean[k], covariance[k * mean.len() + k].max(0.0).sqrt());
+    angles.map(|(k, angle)| (angle.as_str(), of(k))).collect()
 }
 
 fn answer(py: Python<'_>, found: Found) -> Result<Bound<'_, PyDict>, Failure> {
@@ -405,6 +417,11 @@ fn answer(py: Python<'_>, found: Found) -> Result<Bound<'_, PyDict>, Failure> {
         }
     }
     dict.set_item("wander", wander)?;
+    let of_field = PyDict::new(py);
+    for (name, mean_and_sigma) in found.of_field {
+        of_field.set_item(name, mean_and_sigma)?;
+    }
+    dict.set_item("of_field", of_field)?;
     let rows = found.sets.len();
     dict.set_item("joint", crate::array::owned(py, found.joint, &[rows, 6])?)?;
     dict.set_item("field_is_off", found.off)?;

@@ -237,6 +237,17 @@ def test_sets_over_the_day_are_told_as_the_command_line_tells_them(
         assert told == words
 
 
+def test_what_heliostats_are_like_is_told_as_the_command_line_tells_it(
+    command_line: str, example: hp.Field, tmp_path: Path
+) -> None:
+    lines = said(command_line, "--joint", "--out", tmp_path / "calibration.csv")
+    told = next(line for line in lines if line.startswith("heliostats of this field [mrad]: "))
+    found = hp.calibrate(example, SEEN, joint=True).of_field
+    assert set(found) - {"pedestal_tilt1_rad", "pedestal_tilt2_rad"} < set(hp.calibrate(example, SEEN).sigma)
+    numbers = re.findall(r" ([+-][\d.]+) ± ([\d.]+)", told)
+    assert [(f"{1e3 * mean:+.1f}", f"{1e3 * spread:.1f}") for mean, spread in found.values()] == numbers
+
+
 def test_a_prior_beside_records_of_unknown_noise_is_remarked(example: hp.Field) -> None:
     seen = {name: cells for name, cells in columns_of(SEEN).items() if name != "sigma_m"}
     found = hp.calibrate(example, seen, prior={"mirror_tilt": (0, 0.1)})

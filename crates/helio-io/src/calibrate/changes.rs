@@ -79,6 +79,28 @@ fn compared_suns(loaded: &LoadedField, observations: &Observations) -> Vec<(EnuU
 }
 
 /// What changed of a field against an earlier calibration.
+///
+/// ```
+/// use std::path::Path;
+///
+/// use helio_io::calibrate::{Asked, Changes, FitWords, Run};
+///
+/// let examples = Path::new("../../examples");
+/// let loaded = helio_io::load_field(&examples.join("field.toml"))?;
+/// let seen = helio_io::load_observations(&examples.join("observations.csv"), &loaded)?;
+/// let run = Run {
+///     loaded: &loaded,
+///     observations: &seen,
+///     asked: &Asked::new(&FitWords::default())?,
+/// };
+/// let sets = run.sets(&run.one(0)?);
+/// let none = Changes::between(&loaded, &seen, &sets, &sets, &|| true)?;
+/// assert_eq!(
+///     none.sentences(1)[1],
+///     "H001: changed by 0.000 mrad over the year, not significantly (chi-square 0.0 on 6)"
+/// );
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Changes {
     /// The heliostats that both calibrations know, each with what changed of it; the greatest change first.

@@ -58,6 +58,11 @@ class JointCalibration(Calibration):
         return dict(self._found["wander"])
 
     @property
+    def of_field(self) -> dict[str, tuple[float, float]]:
+        """What heliostats of this field are like: mean and standard deviation of each angle, by its name [rad]."""
+        return dict(self._found["of_field"])
+
+    @property
     def converged(self) -> bool:
         """Whether the search for noise and wander came to its end; True of an update, which does not search."""
         return bool(self._found["converged"])

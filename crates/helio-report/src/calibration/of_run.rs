@@ -24,6 +24,33 @@ impl CalibrationPage {
     ///
     /// # Errors
     /// [`IoError`] if the observations are not those of their file.
+    ///
+    /// ```
+    /// use std::path::Path;
+    ///
+    /// use helio_io::calibrate::{Asked, FitWords, Run};
+    /// use helio_report::AboutRun;
+    /// use helio_report::calibration::{CalibrationPage, calibration_page};
+    ///
+    /// let examples = Path::new("../../examples");
+    /// let loaded = helio_io::load_field(&examples.join("field.toml"))?;
+    /// let seen = helio_io::load_observations(&examples.join("observations.csv"), &loaded)?;
+    /// let run = Run {
+    ///     loaded: &loaded,
+    ///     observations: &seen,
+    ///     asked: &Asked::new(&FitWords::default())?,
+    /// };
+    /// let done: Result<Vec<_>, _> = (0..seen.heliostats.len()).map(|index| run.one(index)).collect();
+    /// let about = AboutRun {
+    ///     provenance: &helio_io::Provenance::default(),
+    ///     generated_utc: "2026-06-21T12:00:00Z".into(),
+    ///     changes: Vec::new(),
+    /// };
+    /// let page = CalibrationPage::of_run(&run, &done?, about)?;
+    /// assert_eq!((page.field.len(), page.heliostats.len()), (500, 4)); // those with records have a section
+    /// assert!(calibration_page(&page).starts_with("<!DOCTYPE html>"));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn of_run(run: &Run<'_>, done: &[Done], about: AboutRun<'_>) -> Result<Self, IoError> {
         let source = Source {
             loaded: run.loaded,

@@ -28,6 +28,34 @@ impl JointPage {
     ///
     /// # Errors
     /// [`RunError`] if the observations are not those of their file, and where the run is stopped.
+    ///
+    /// ```
+    /// use std::path::Path;
+    ///
+    /// use helio_io::calibrate::joint::{JointAsked, JointRun};
+    /// use helio_report::AboutRun;
+    /// use helio_report::joint::JointPage;
+    ///
+    /// let examples = Path::new("../../examples");
+    /// let loaded = helio_io::load_field(&examples.join("field.toml"))?;
+    /// let run = JointRun {
+    ///     loaded: &loaded,
+    ///     observations: &helio_io::load_observations(&examples.join("observations.csv"), &loaded)?,
+    ///     asked: &JointAsked::default(),
+    ///     say: &|_| (),
+    ///     watch: &|_, _| true,
+    /// };
+    /// let found = run.fit()?;
+    /// let about = AboutRun {
+    ///     provenance: &helio_io::Provenance::default(),
+    ///     generated_utc: "2026-06-21T12:00:00Z".into(),
+    ///     changes: Vec::new(),
+    /// };
+    /// let page = JointPage::of_run(&run, &found, about)?;
+    /// assert_eq!(page.heliostats.len(), 500); // all, whether they were seen or not
+    /// assert_eq!(page.heliostats.iter().filter(|line| !line.records.is_empty()).count(), 4);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn of_run(
         run: &JointRun<'_>,
         found: &JointFound<'_>,
