@@ -96,6 +96,7 @@ impl From<helio_io::calibrate::RunError> for Failure {
             RunError::Io(error) => error.into(),
             RunError::Calibration(error) => error.into(),
             RunError::Sun(error) => error.into(),
+            RunError::Field(error) => error.into(),
             refused => Self::Refused(refused.to_string()),
         }
     }

@@ -3,10 +3,8 @@
 //! `args` holds what was typed, `plan` what it means, `commands` does it, `printer` talks.
 
 mod args;
-mod calibration_page;
 mod clock;
 mod commands;
-mod comparison;
 mod failure;
 mod overlay;
 mod plan;

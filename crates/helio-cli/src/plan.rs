@@ -432,6 +432,12 @@ pub(crate) fn destination(
     }
 }
 
+/// Now, as the text that pages are dated with.
+pub(crate) fn made_at() -> String {
+    let seconds = jiff::Timestamp::now().as_second();
+    format_time(seconds.saturating_mul(1_000_000_000))
+}
+
 /// Refuses to replace what the run reads.
 pub(crate) fn not_an_input(path: &Path, inputs: &[PathBuf]) -> Result<(), Failure> {
     let Ok(there) = path.canonicalize() else {

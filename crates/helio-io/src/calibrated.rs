@@ -1,7 +1,5 @@
 //! The calibration table: written for `track` to read, and read to compare with.
 
-use std::path::Path;
-
 use helio_core::angle::{degrees, radians};
 use helio_core::{MountErrors, PoseErrors};
 
@@ -9,7 +7,7 @@ use crate::error::{IoError, Problem};
 use crate::field::ignored_in_calibrations;
 use crate::keys::{self, Key};
 use crate::output::{Cells, Destination, Format, write_columns};
-use crate::table::{Keyed, Naming, Table};
+use crate::table::{Keyed, Naming, Table, TableSource};
 
 /// One parameter set of one heliostat: a row of the calibration table.
 ///
@@ -432,7 +430,9 @@ fn covariance(text: &str) -> Option<[[f64; 7]; 7]> {
 ///
 /// # Errors
 /// [`IoError`] for an unknown or missing column and for cells that are not what their column wants.
-pub fn load_calibration(path: &Path) -> Result<Vec<CalibratedSet>, IoError> {
+pub fn load_calibration<'a>(
+    table: impl Into<TableSource<'a>>,
+) -> Result<Vec<CalibratedSet>, IoError> {
     let ignore = |name: &str| {
         ignored_in_calibrations(name)
             && keys::names(keys::COMPARED_COLUMNS).all(|known| known != name)
@@ -442,7 +442,7 @@ pub fn load_calibration(path: &Path) -> Result<Vec<CalibratedSet>, IoError> {
         ignore: Some(&ignore),
         ..Naming::default()
     };
-    let table = Keyed::new(Table::read(path)?, keys::COMPARED_COLUMNS, &naming)?;
+    let table = Keyed::new(Table::read(table)?, keys::COMPARED_COLUMNS, &naming)?;
     if !ERRORS.iter().any(|key| table.has(key)) {
         return Err(table.missing_column(ERRORS[0]));
     }

@@ -114,27 +114,12 @@ impl PyJudged {
 
     /// The page to look at and to sign.
     fn html(&self, py: Python<'_>) -> PyResult<String> {
-        guarded(|| Ok(py.detach(|| accuracy_page(&self.page()))))
-    }
-}
-
-impl PyJudged {
-    fn page(&self) -> AccuracyPage<'_> {
-        let judged = &self.judged;
-        AccuracyPage {
-            title: judged.title(),
-            version: format!("helio-rs {}", env!("CARGO_PKG_VERSION")),
-            generated_utc: format_time(self.unix_ns),
-            facts: judged.facts(),
-            evaluation: &judged.evaluation,
-            spots: &judged.spots,
-            setup: &judged.setup,
-            limits: &judged.limits,
-            options: &judged.options,
-            instruments: judged.instruments(),
-            files: judged.files.clone(),
-            notes: judged.campaign.notes.clone(),
-        }
+        guarded(|| {
+            Ok(py.detach(|| {
+                let (version, made) = (env!("CARGO_PKG_VERSION"), format_time(self.unix_ns));
+                accuracy_page(&AccuracyPage::of_campaign(&self.judged, version, made))
+            }))
+        })
     }
 }
 

@@ -4,24 +4,28 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
+use helio_calib::Parameter;
 use helio_io::calibrate::joint::{
     Following, JointAsked, JointFound, JointRun, NOT_AS_ONE, Remark, alarm_words, days_of,
     jump_words, needs_site,
 };
-use helio_io::calibrate::{Proposals, RunError, write_rejected};
+use helio_io::calibrate::{CHANGES_TOLD, Proposals, write_rejected};
 use helio_io::output::{Destination, Format, KeptColumns};
 use helio_io::{
     AtomicFile, CalibratedSet, LoadedField, Provenance, read_state, state_bytes, state_of_bytes,
     write_calibration, write_file, write_leftovers,
 };
+use helio_report::AboutRun;
+use helio_report::joint::{JointPage, joint_page};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
 
-use crate::calibrate::{columns_of_sets, observed, of_option};
+use crate::beside::{Compared, Inputs, PageFile, Plan, check_plan, made_at, place, proposals};
+use crate::calibrate::{columns_of_sets, in_keywords, observed, of_option};
 use crate::failure::Failure;
 use crate::field::PyField;
 use crate::guard::guarded;
-use crate::table::{Given, handed_out};
+use crate::table::handed_out;
 use crate::watch::watched;
 
 /// Options as the keywords of `calibrate` have them.
@@ -35,14 +39,15 @@ pub(crate) struct JointWords {
     ahead_days: f64,
     max_year_pointing_mrad: Option<f64>,
     leftovers: bool,
-    plan: Option<(usize, String)>,
+    plan: Option<Plan>,
     /// The name of a state, and what it holds where it is no file.
     update: Option<(PathBuf, Option<Vec<u8>>)>,
     state: Option<PathBuf>,
+    report: Option<PathBuf>,
 }
 
 impl JointWords {
-    fn check(&self, field: &LoadedField, given: [Option<&Given>; 2]) -> Result<(), Failure> {
+    fn check(&self, field: &LoadedField, inputs: &Inputs) -> Result<(), Failure> {
         let way = match self.update {
             Some(_) => "--update",
             None => "--joint",
@@ -71,25 +76,26 @@ impl JointWords {
                 message,
             ));
         }
-        if let Some((count, _)) = self
-            .plan
-            .as_ref()
-            .filter(|(count, _)| !(1..=1000).contains(count))
-        {
-            let message = format!("wanted 1 to 1000 observations, got {count}");
-            return Err(Failure::of("OptionError", "plan", message));
-        }
+        check_plan(self.plan.as_ref())?;
         if let Some(state) = &self.state {
             AtomicFile::check(state)?;
-            let read = given.into_iter().flatten().filter_map(|given| match given {
-                Given::File(path) => Some(path),
-                Given::Memory(_) => None,
-            });
-            let there = state.canonicalize().ok();
-            let mut inputs = field.files.iter().chain(read);
-            if there.is_some() && inputs.any(|input| input.canonicalize().ok() == there) {
-                let message = format!("{}: this call reads it; name another file", state.display());
-                return Err(Failure::of("OptionError", "state", message));
+            inputs.not_among("state", state, field)?;
+        }
+        let Some(report) = &self.report else {
+            return Ok(());
+        };
+        let read = self.update.as_ref().filter(|(_, held)| held.is_none());
+        let read = read.map(|(path, _)| ("update", path));
+        for (name, path) in read
+            .into_iter()
+            .chain(self.state.as_ref().map(|path| ("state", path)))
+        {
+            if place(path).is_some_and(|other| Some(other) == place(report)) {
+                let message = format!(
+                    "{}: {name} names it too; name another file",
+                    report.display()
+                );
+                return Err(Failure::of("OptionError", "report", message));
             }
         }
         Ok(())
@@ -102,13 +108,31 @@ struct Found {
     tables: Vec<(&'static str, KeptColumns)>,
     findings: Vec<(String, String)>,
     warnings: Vec<String>,
+    changes: Vec<String>,
+    page: Option<String>,
     state: Vec<u8>,
     noise: [(&'static str, f64); 3],
     wander: [(&'static str, Vec<f64>); 4],
+    /// Mean and standard deviation over the field of each angle of a mount \[rad\].
+    of_field: Vec<(&'static str, (f64, f64))>,
     joint: Vec<f64>,
     off: bool,
     converged: bool,
     leftovers: Option<(bool, [f64; 2], f64, f64)>,
+}
+
+impl Found {
+    /// Writes what goes to files: after a Ctrl-C that came with the end nothing.
+    fn write(&self, page: Option<PageFile>, state: Option<&Path>) -> Result<(), Failure> {
+        if let (Some(file), Some(page)) = (page, &self.page) {
+            file.write(page)?;
+        }
+        if let Some(path) = state {
+            // the state goes last: where anything failed, the same records can be given again
+            write_file(path, &self.state)?;
+        }
+        Ok(())
+    }
 }
 
 /// Calibrates a field as one; tables as lists of columns, numbers as arrays.
@@ -118,26 +142,22 @@ pub(crate) fn _calibrate_joint<'py>(
     field: &Bound<'py, PyAny>,
     observations: &Bound<'py, PyAny>,
     spots: Option<&Bound<'py, PyAny>>,
+    compare: Option<&Bound<'py, PyAny>>,
     words: JointWords,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     guarded(|| {
         let inner = PyField::of(field)?.get().inner();
         let loaded = inner.with_targets()?;
-        let observations = Given::of(observations, "observations")?;
-        let spots = spots.map(|spots| Given::of(spots, "spots")).transpose()?;
-        words.check(loaded, [Some(&observations), spots.as_ref()])?;
+        let inputs = Inputs::of(observations, spots, compare)?;
+        words.check(loaded, &inputs)?;
         needs_site(loaded)?;
+        let page = PageFile::wanted(words.report.as_deref(), &inputs, loaded)?;
         let field_hash = inner.hash();
         let found = watched(py, progress.as_ref(), |watch| {
-            found(
-                &words,
-                loaded,
-                [Some(&observations), spots.as_ref()],
-                field_hash,
-                watch,
-            )
+            found(&words, loaded, &inputs, field_hash, watch)
         })??;
+        py.detach(|| found.write(page, words.state.as_deref()))?;
         answer(py, found)
     })
 }
@@ -145,23 +165,12 @@ pub(crate) fn _calibrate_joint<'py>(
 fn found(
     words: &JointWords,
     loaded: &LoadedField,
-    [observations, spots]: [Option<&Given>; 2],
+    inputs: &Inputs,
     field_hash: String,
     watch: &(dyn Fn(u64, u64) -> bool + Sync),
 ) -> Result<Found, Failure> {
-    let proposals = match &words.plan {
-        Some((count, date)) => {
-            let asked = Proposals::new(*count, date, loaded).map_err(|error| match error {
-                RunError::Refused(words) => {
-                    let words = words.trim_start_matches("--plan-date ");
-                    Failure::of("OptionError", "plan", words.trim_start_matches("--plan: "))
-                }
-                other => other.into(),
-            });
-            Some(asked?)
-        }
-        None => None,
-    };
+    let proposals = proposals(words.plan.as_ref(), loaded)?;
+    let old = inputs.earlier(loaded)?;
     let said = Mutex::new(Vec::new());
     let say = |remark: Remark| {
         let (Remark::Warning(words) | Remark::Note(words)) = remark;
@@ -176,10 +185,8 @@ fn found(
         }
         None => None,
     };
-    let Some(observations) = observations else {
-        return Err(Failure::new("InternalError", "no observations"));
-    };
-    let (observations, observations_hash) = observed(observations, spots, loaded)?;
+    let (observations, observations_hash) =
+        observed(&inputs.observations, inputs.spots.as_ref(), loaded)?;
     let asked = JointAsked {
         keep_all: words.keep_all,
         no_jumps: words.no_jumps,
@@ -223,11 +230,13 @@ fn found(
         Some(following) => run.update(following, proposals.is_some())?,
         None => run.fit()?,
     };
-    let told = told(&run, &all, &provenance, proposals.as_ref(), words)?;
-    if let Some(path) = &words.state {
-        // the state goes last: where anything failed, the same records can be given again
-        write_file(path, &told.state)?;
-    }
+    let beside = Beside {
+        proposals,
+        old,
+        page: words.report.is_some(),
+        leftovers: words.leftovers,
+    };
+    let told = told(&run, &all, &provenance, &beside)?;
     let said = said.into_inner().unwrap_or_else(PoisonError::into_inner);
     let warnings = observations.warnings.iter().cloned();
     Ok(Found {
@@ -236,21 +245,19 @@ fn found(
     })
 }
 
-/// A sentence that names options as the command line does, in the names of keywords.
-fn in_keywords(words: &str) -> String {
-    let each = words.split(' ').map(|word| match word.strip_prefix("--") {
-        Some(option) => option.replace('-', "_"),
-        None => word.to_owned(),
-    });
-    each.collect::<Vec<_>>().join(" ")
+/// What is wanted beside the tables that there always are.
+struct Beside {
+    proposals: Option<Proposals>,
+    old: Option<Vec<CalibratedSet>>,
+    page: bool,
+    leftovers: bool,
 }
 
 fn told(
     run: &JointRun<'_>,
     all: &JointFound<'_>,
     provenance: &Provenance,
-    proposals: Option<&Proposals>,
-    words: &JointWords,
+    beside: &Beside,
 ) -> Result<Found, Failure> {
     let day = run.day(&all.state)?;
     let sets = run.sets(all, &day)?;
@@ -275,7 +282,7 @@ fn told(
     run.go_on()?;
     let ids = run.loaded.field.ids();
     let mut leftovers = None;
-    if words.leftovers
+    if beside.leftovers
         && let Some((_, left)) = run.leftovers(all, &day)?
     {
         let rows = run.observations.heliostats.iter().map(|of| of.row);
@@ -285,10 +292,41 @@ fn told(
         leftovers = Some((left.admitted, amplitude, length, left.log_evidence));
     }
     run.go_on()?;
-    if let Some(proposals) = proposals {
+    if let Some(proposals) = &beside.proposals {
         let rows = run.propose(proposals, all)?;
         proposals.write(&rows, run.loaded, table("plan"), csv)?;
     }
+    let go_on = || (run.watch)(0, 0);
+    let compared = match &beside.old {
+        Some(old) => Some(Compared::of(
+            old,
+            &sets,
+            run.loaded,
+            run.observations,
+            &go_on,
+        )?),
+        None => None,
+    };
+    let changes = |most| {
+        compared
+            .as_ref()
+            .map_or(Vec::new(), |compared| compared.changes.sentences(most))
+    };
+    let page = match beside.page {
+        true => {
+            let about = AboutRun {
+                provenance,
+                generated_utc: made_at(),
+                changes: changes(CHANGES_TOLD),
+            };
+            let page = JointPage::of_run(run, all, about)?;
+            run.go_on()?;
+            Some(joint_page(&page))
+        }
+        false => None,
+    };
+    let changes = changes(usize::MAX);
+    tables.extend(compared.map(|compared| ("changes", compared.table)));
     let id = |index: usize| ids[run.observations.heliostats[index].row].clone();
     let jumps = all
         .jumps
@@ -311,6 +349,8 @@ fn told(
     });
     run.go_on()?;
     Ok(Found {
+        changes,
+        page,
         joint: joint.collect(),
         findings: jumps.chain(alarms).collect(),
         warnings: all
@@ -338,6 +378,7 @@ fn told(
             ("fast_mrad", wander.fast_mrad.to_vec()),
             ("fast_days", vec![wander.fast_days]),
         ],
+        of_field: of_field(all),
         off: all.off,
         converged: all.converged(),
         leftovers,
@@ -346,11 +387,20 @@ fn told(
     })
 }
 
+/// What heliostats of the field are like.
+fn of_field(all: &JointFound<'_>) -> Vec<(&'static str, (f64, f64))> {
+    let (mean, covariance) = (all.state.field_mean(), all.state.field_covariance());
+    let angles = Parameter::ALL.iter().take(6).enumerate();
+    let of = |k: usize| (mean[k], covariance[k * mean.len() + k].max(0.0).sqrt());
+    angles.map(|(k, angle)| (angle.as_str(), of(k))).collect()
+}
+
 fn answer(py: Python<'_>, found: Found) -> Result<Bound<'_, PyDict>, Failure> {
     let dict = columns_of_sets(py, &found.sets)?;
     for (name, kept) in found.tables {
         dict.set_item(name, handed_out(py, kept.take())?)?;
     }
+    dict.set_item("changes_said", found.changes)?;
     dict.set_item("findings", PyList::new(py, found.findings)?)?;
     dict.set_item("warnings", found.warnings)?;
     dict.set_item("state", PyBytes::new(py, &found.state))?;
@@ -367,6 +417,11 @@ fn answer(py: Python<'_>, found: Found) -> Result<Bound<'_, PyDict>, Failure> {
         }
     }
     dict.set_item("wander", wander)?;
+    let of_field = PyDict::new(py);
+    for (name, mean_and_sigma) in found.of_field {
+        of_field.set_item(name, mean_and_sigma)?;
+    }
+    dict.set_item("of_field", of_field)?;
     let rows = found.sets.len();
     dict.set_item("joint", crate::array::owned(py, found.joint, &[rows, 6])?)?;
     dict.set_item("field_is_off", found.off)?;

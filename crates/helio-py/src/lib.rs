@@ -5,7 +5,7 @@
 //!
 //! One file per subject: `field`, `track`, `forward`, `sun`, `drive`, `predict`, `calibrate`, `joint`, `spots`, `accuracy`,
 //! `flux`, `simulate`; below
-//! them what they share: `array` (NumPy in and out), `table` (tables in and out), `rows` (answers as tables), `failure` (errors), `pool` (threads,
+//! them what they share: `beside` (what both ways of calibrating are asked beside their table), `array` (NumPy in and out), `table` (tables in and out), `rows` (answers as tables), `failure` (errors), `pool` (threads,
 //! and forks), `guard` (panics), `slab` (memory of answers), `watch` (progress and Ctrl-C of long work).
 
 #![allow(
@@ -15,6 +15,7 @@
 
 mod accuracy;
 mod array;
+mod beside;
 mod calibrate;
 mod drive;
 mod failure;

@@ -99,6 +99,17 @@ def test_a_calibration_takes_its_place_in_columns(
     assert same_bits(hp.track(calibration.apply(applied), *sun[:2]), want)
 
 
+def test_what_is_beside_a_calibration_is_the_same(example: hp.Field, columns: hp.Field, tmp_path: Path) -> None:
+    earlier = hp.calibrate(example, SEEN)
+    made = []
+    for field in (example, columns):
+        page = tmp_path / "page.html"
+        found = hp.calibrate(field, SEEN, robust="huber", plan=(2, "2026-06-21"), compare=earlier, report=page)
+        made.append((found.changes, repr(found.to_table("plan")), repr(found.to_table("changes"))))
+        assert ("columns of no file" in page.read_text()) == (field is columns)
+    assert made[0] == made[1]
+
+
 def test_it_survives_pickling_to_the_last_bit(columns: hp.Field) -> None:
     odd = as_columns(columns, site={**SITE, "latitude_deg": 0.1 + 0.2}, axis1_min_rad=-1.0)
     again = pickle.loads(pickle.dumps(odd))

@@ -166,7 +166,7 @@ CALLS: list[tuple[type[hp.HelioError], str, str | None, dict[str, Any]]] = [
     (hp.OptionError, "joint: with update", "joint", {"update": b"", "joint": True}),
     (hp.OptionError, "leftovers: with update", "leftovers", {"update": b"", "leftovers": True}),
     (hp.OptionError, "state: is of the field as one", "state", {"state": "s.parquet"}),
-    (hp.OptionError, "plan: is of the field as one", "plan", {"plan": (3, "2026-06-21")}),
+    (hp.OptionError, "ahead_days: is of the field as one", "ahead_days", {"ahead_days": 3}),
     (hp.OptionError, "ahead_days: wanted 0 to 366 days, got -1", "ahead_days", {"joint": True, "ahead_days": -1}),
     (hp.OptionError, "plan: wanted 1 to 1000 observations, got 0", "plan", {"joint": True, "plan": (0, "2026-06-21")}),
     (hp.OptionError, "plan: 2026-13-01: wanted a day, such as 2026-06-21", "plan", {"joint": True, "plan": (1, "2026-13-01")}),

@@ -22,12 +22,14 @@ mod map;
 mod palette;
 #[cfg(feature = "png")]
 mod png;
+mod run;
 mod svg;
 mod ticks;
 
 pub use curves::{AngleCurves, Curve, CurveAxis, angle_curves};
 pub use html::Page;
 pub use map::{FieldMap, MapColour, field_map};
+pub use run::AboutRun;
 pub use svg::{Figure, stack};
 
 /// A figure that cannot be drawn.

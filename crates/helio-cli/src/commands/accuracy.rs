@@ -17,7 +17,6 @@ use helio_spot::accuracy::{
 use super::calibrate::{report_file, write_page};
 use crate::Outcome;
 use crate::args::{AcceptWord, AccuracyArgs, SimulateCampaignArgs};
-use crate::calibration_page::made_at;
 use crate::failure::Failure;
 use crate::plan;
 use crate::printer::{Counted, Grouped, Printer};
@@ -95,7 +94,9 @@ pub(crate) fn run(args: &AccuracyArgs, printer: &Printer) -> Result<Outcome, Fai
         table: &table,
     };
     if let Some(file) = report {
-        write_page(file, &accuracy_page(&about.page()))?;
+        let version = env!("CARGO_PKG_VERSION");
+        let page = AccuracyPage::of_campaign(&judged, version, plan::made_at());
+        write_page(file, &accuracy_page(&page))?;
     }
     if let Some(path) = &args.frames {
         let destination = plan::destination(Some(path), frames_format, &inputs, printer)?;
@@ -185,24 +186,6 @@ struct About<'a> {
 }
 
 impl About<'_> {
-    fn page(&self) -> AccuracyPage<'_> {
-        let judged = self.judged;
-        AccuracyPage {
-            title: judged.title(),
-            version: format!("helio-rs {}", env!("CARGO_PKG_VERSION")),
-            generated_utc: made_at(),
-            facts: judged.facts(),
-            evaluation: &judged.evaluation,
-            spots: &judged.spots,
-            setup: &judged.setup,
-            limits: &judged.limits,
-            options: &judged.options,
-            instruments: judged.instruments(),
-            files: judged.files.clone(),
-            notes: judged.campaign.notes.clone(),
-        }
-    }
-
     /// A time and where its rows stand.
     fn rows_of(&self, unix_ns: i64) -> String {
         let rows = self.table.rows.iter().enumerate();

@@ -11,6 +11,8 @@
 //! ```
 
 mod asked;
+mod changes;
+mod comparison;
 mod day;
 mod done;
 pub mod joint;
@@ -22,9 +24,12 @@ mod words;
 use helio_calib::schedule::Sets;
 use helio_calib::{CalibrationError, Context, Finding, Mount, Parameters};
 use helio_core::Field;
+use helio_core::error::FieldError;
 use helio_core::sun::SunError;
 
 pub use self::asked::{Asked, FitWords};
+pub use self::changes::{CHANGES_TOLD, Changes, earlier, median};
+pub use self::comparison::Change;
 pub use self::day::without_sigmas;
 use self::day::{Day, Weighed, fitted, weighed};
 pub use self::done::{Choice, Done, DoneSet, Exact, Left};
@@ -50,6 +55,9 @@ pub enum RunError {
     /// No position of the sun can be computed.
     #[error(transparent)]
     Sun(#[from] SunError),
+    /// Errors that no mount has.
+    #[error(transparent)]
+    Field(#[from] FieldError),
     /// What was asked for makes no sense; the whole sentence, which names options as the command line does.
     #[error("{0}")]
     Refused(String),
@@ -60,6 +68,10 @@ impl RunError {
         Self::Refused(message.into())
     }
 }
+
+/// Worth knowing where records that state no `sigma_m` stand beside a prior.
+pub const PRIOR_WITHOUT_SIGMAS: &str = "--prior without sigma_m: how much records count beside it is told by what a fit \
+                                        without it leaves";
 
 /// The status of a set that tracking may use.
 pub const OK: &str = "ok";

@@ -1,7 +1,7 @@
 //! The next observations.
 
 use helio_calib::plan::year_suns;
-use helio_calib::{Candidate, Duty, Parameters, PlanOptions, Proposal};
+use helio_calib::{CalibrationError, Candidate, Duty, Parameters, PlanOptions, Proposal};
 use helio_core::EnuUnit;
 use helio_core::angle::degrees;
 use rayon::prelude::*;
@@ -120,19 +120,23 @@ impl Proposals {
 }
 
 impl Run<'_> {
-    /// The proposed observations of every heliostat, with its row in the field.
+    /// The proposed observations of every heliostat, with its row in the field; `go_on` is asked heliostat by heliostat.
     ///
     /// # Errors
-    /// [`RunError`] where the library refuses.
+    /// [`RunError`] where the library refuses, and where it is stopped.
     pub fn propose(
         &self,
         asked: &Proposals,
         done: &[Done],
+        go_on: &(dyn Fn() -> bool + Sync),
     ) -> Result<Vec<(usize, Proposal)>, RunError> {
         let run = self;
         let all: Result<Vec<Vec<Proposal>>, RunError> = done
             .par_iter()
             .map(|one| {
+                if !go_on() {
+                    return Err(CalibrationError::Stopped.into());
+                }
                 let of = &run.observations.heliostats[one.index];
                 let heliostat = &run.loaded.field.heliostats()[of.row];
                 let mount = run.mount(of.row);

@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
-from helio_py._checked import flag, number, pair, text, texts, whole, wrong_type, wrong_value
-from helio_py._errors import HelioError
+from helio_py._asked import plan_of, priors_of, sets_of, words_of
+from helio_py._checked import flag, number, text, wrong_type, wrong_value
+from helio_py._checked import path as checked_path
 from helio_py._native import Field, _calibrate, _write_table
 from helio_py._progress import reporter
 from helio_py._tables import Column, given_back, kind_of
 
 if TYPE_CHECKING:
+    from datetime import date
     from os import PathLike
 
     from numpy.typing import NDArray
@@ -28,7 +30,6 @@ _ERRORS = (
     "azimuth_reference_rad",
     "elevation_reference_rad",
 )
-_TABLES = ("calibration", "rejected", "residuals")
 #: Options of heliostat by heliostat, as they are unless somebody says otherwise.
 _USUAL: dict[str, Any] = {
     "solver": "hartley-meyer",
@@ -49,6 +50,9 @@ class Calibration:
     Made by ``calibrate``. A set whose status is not ok keeps its place and has NaN for its errors; ``why`` says what is
     wrong in words.
     """
+
+    #: Tables that there may be.
+    _tables: tuple[str, ...] = ("calibration", "rejected", "residuals", "choices", "plan", "changes")
 
     def __init__(self, found: dict[str, Any], kind: str) -> None:
         """Of what the native part found; not for users."""
@@ -179,9 +183,23 @@ class Calibration:
         """Things worth saying about the observations, that stop nothing."""
         return list(self._found["warnings"])
 
+    @property
+    def changes(self) -> list[str]:
+        """What changed against the calibration that `compare` named, in sentences; nothing without one.
+
+        Of all heliostats together, then of each, the greatest change first. The same in numbers is the table "changes".
+        """
+        return list(self._found["changes_said"])
+
+    @property
+    def _table_columns(self) -> list[Column]:
+        """What stands for it where a table is wanted."""
+        return self._table("calibration")
+
     def _table(self, kind: str) -> list[Column]:
-        if not isinstance(kind, str) or kind not in _TABLES:
-            raise wrong_value("kind", f"wanted {', '.join(_TABLES[:-1])} or {_TABLES[-1]}, got `{kind}`")
+        known = [name for name in self._tables if name in self._found]
+        if not isinstance(kind, str) or kind not in known:
+            raise wrong_value("kind", f"wanted {', '.join(known[:-1])} or {known[-1]}, got `{kind}`")
         columns: list[Column] = self._found[kind]
         return columns
 
@@ -196,6 +214,11 @@ class Calibration:
             (`predicted_u_m`, `predicted_v_m`) and where by the errors of the field before (`before_u_m`,
             `before_v_m`), with the angles to both [mrad]; the prediction is NaN for a record that no calibration uses,
             one of "rejected".
+
+            Where they were asked for also "plan", the next observations; "changes", by how far beams move against an
+            earlier calibration over the year (`beam_mrad`), whether significantly (`significant`: "yes", "no", or
+            "unknown" for the reason in `why`), and the test that says so; "choices", with `sets` other than 1, how
+            well each number of sets over the day does, and which is taken.
         """
         return given_back(self._table(kind), self._kind)
 
@@ -212,28 +235,6 @@ class Calibration:
         if not isinstance(field, Field):
             raise wrong_type("field", "a Field", field)
         return field._calibrated(self._found["calibration"])
-
-
-def _words(name: str, value: Any) -> list[str]:
-    return [text(name, value)] if isinstance(value, str) else texts(name, value)
-
-
-def _priors(prior: Any) -> list[str]:
-    if not isinstance(prior, Mapping):
-        return _words("prior", prior)
-    words = []
-    for name, value in prior.items():
-        try:
-            mean, sigma = pair(f"prior: {name}", value)
-        except HelioError as error:
-            error.field = "prior"
-            raise
-        words.append(f"{text('prior', name)}={mean!r}:{sigma!r}")
-    return words
-
-
-def _sets(sets: Any) -> str:
-    return text("sets", sets) if isinstance(sets, str) else str(whole("sets", sets, 0, 2**63))
 
 
 @overload
@@ -257,7 +258,9 @@ def calibrate(
     state: str | PathLike[str] | None = None,
     ahead_days: float | None = None,
     leftovers: bool = False,
-    plan: tuple[int, str] | None = None,
+    plan: tuple[int, str | date] | None = None,
+    compare: Any | None = None,
+    report: str | PathLike[str] | None = None,
     progress: Callable[[int, int], Any] | bool | None = None,
 ) -> JointCalibration: ...
 @overload
@@ -281,7 +284,9 @@ def calibrate(
     state: str | PathLike[str] | None = None,
     ahead_days: float | None = None,
     leftovers: bool = False,
-    plan: tuple[int, str] | None = None,
+    plan: tuple[int, str | date] | None = None,
+    compare: Any | None = None,
+    report: str | PathLike[str] | None = None,
     progress: Callable[[int, int], Any] | bool | None = None,
 ) -> JointCalibration: ...
 @overload
@@ -305,7 +310,9 @@ def calibrate(
     state: str | PathLike[str] | None = None,
     ahead_days: float | None = None,
     leftovers: bool = False,
-    plan: tuple[int, str] | None = None,
+    plan: tuple[int, str | date] | None = None,
+    compare: Any | None = None,
+    report: str | PathLike[str] | None = None,
     progress: Callable[[int, int], Any] | bool | None = None,
 ) -> Calibration: ...
 def calibrate(
@@ -328,7 +335,9 @@ def calibrate(
     state: str | PathLike[str] | None = None,
     ahead_days: float | None = None,
     leftovers: bool = False,
-    plan: tuple[int, str] | None = None,
+    plan: tuple[int, str | date] | None = None,
+    compare: Any | None = None,
+    report: str | PathLike[str] | None = None,
     progress: Callable[[int, int], Any] | bool | None = None,
 ) -> Calibration:
     """The angular errors of every heliostat from observations of its spot.
@@ -385,8 +394,15 @@ def calibrate(
     leftovers : bool, default False
         Whether to look for what is left of the misses as a smooth function of the pose; of `joint`.
     plan : tuple, optional
-        How many observations of each heliostat to propose and for which day, such as ``(3, "2026-06-21")``: the table
-        "plan"; of `joint` and `update`.
+        How many observations of each heliostat to propose, those that lower its predicted pointing uncertainty most, and
+        for which day, as text or ``datetime.date``, such as ``(3, "2026-06-21")``: the table "plan".
+    compare : table or Calibration, optional
+        An earlier calibration, also as a file that ``helio-rs calibrate`` wrote: `changes` and the table "changes" say
+        by how far beams move over the year, and whether significantly.
+    report : path, optional
+        File for a page to look at, which needs nothing from outside: before and after, residuals, parameters, rejected
+        records; of the field as one what its heliostats share, how they differ and what was foretold. It ends in .html,
+        and appears whole once everything else is found.
     progress : callable or True, optional
         Called with the numbers of heliostats done and of all; True for a bar of tqdm.
 
@@ -401,7 +417,7 @@ def calibrate(
 
     Notes
     -----
-    The numbers of ``helio-rs calibrate`` on the same table to the last bit, and its states. Ctrl-C ends it
+    The numbers of ``helio-rs calibrate`` on the same table to the last bit, its states, sentences and pages. Ctrl-C ends it
     within a second; a heliostat in the middle of its fit is left to itself.
 
     Examples
@@ -413,6 +429,18 @@ def calibrate(
     'ok'
     >>> calibrated = calibration.apply(field)
     >>> bool(calibrated.mirror_tilt_rad[0] == calibration.mirror_tilt_rad[0])
+    True
+
+    What to look at next, and what changed against an earlier calibration:
+
+    >>> again = hp.calibrate(
+    ...     field, "examples/observations.csv", robust="huber", plan=(3, "2026-06-21"), compare=calibration
+    ... )
+    >>> set(again.to_table("plan")["id"]) == set(calibration.ids)
+    True
+    >>> set(again.to_table("changes")["significant"].tolist())
+    {'no'}
+    >>> again.changes[1].startswith(again.to_table("changes")["id"][0])
     True
 
     The field as one, and new observations on top of what is known:
@@ -430,13 +458,14 @@ def calibrate(
         "solver": text("solver", solver),
         "residual": text("residual", residual),
         "robust": text("robust", robust),
-        "sets": _sets(sets),
+        "sets": sets_of(sets),
         "fit_mirror_offset": flag("fit_mirror_offset", fit_mirror_offset),
-        "hold": _words("hold", hold),
-        "prior": _priors(prior),
+        "hold": words_of("hold", hold),
+        "prior": priors_of(prior),
         "keep_all": flag("keep_all", keep_all),
         "no_jumps": flag("no_jumps", no_jumps),
     }
+    beside = {"plan": plan_of(plan), "report": None if report is None else checked_path("report", report)}
     most = None if max_year_pointing_mrad is None else number("max_year_pointing_mrad", max_year_pointing_mrad)
     if flag("joint", joint) or update is not None:
         from helio_py._joint import as_one
@@ -450,20 +479,18 @@ def calibrate(
             "ahead_days": ahead_days,
             "max_year_pointing_mrad": most,
             "leftovers": leftovers,
-            "plan": plan,
+            **beside,
         }
         given = {name: value for name, value in words.items() if value != _USUAL[name]}
-        return as_one(field, observations, spots, given, asked, progress)
+        return as_one(field, observations, spots, compare, given, asked, progress)
     for name, value in (
         ("state", state),
         ("ahead_days", ahead_days),
         ("leftovers", flag("leftovers", leftovers) or None),
-        ("plan", plan),
     ):
         if value is not None:
             raise wrong_value(name, "is of the field as one; wanted joint=True or update beside it")
-    with reporter(progress, "heliostats") as report:
-        found = _calibrate(
-            field, observations, spots, {**words, "max_year_pointing_mrad": 2.0 if most is None else most}, report
-        )
+    asked = {**words, **beside, "max_year_pointing_mrad": 2.0 if most is None else most}
+    with reporter(progress, "heliostats") as told:
+        found = _calibrate(field, observations, spots, compare, asked, told)
     return Calibration(found, kind_of(observations))

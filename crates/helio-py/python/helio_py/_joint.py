@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from helio_py._calibrate import Calibration
-from helio_py._checked import flag, number, path, several, text, whole, wrong_type, wrong_value
+from helio_py._checked import flag, number, path, wrong_type, wrong_value
 from helio_py._native import _calibrate_joint
 from helio_py._progress import reporter
-from helio_py._tables import Column, kind_of
+from helio_py._tables import kind_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -29,8 +29,10 @@ class JointCalibration(Calibration):
 
     ``to_table`` and ``write`` know "calibration", "rejected", "causes" (what the field has in common), "steps" (for every
     record how it was foretold and what became of it), and where they were asked for "leftovers" (what ``helio-rs track
-    --leftovers`` reads) and "plan" (the next observations).
+    --leftovers`` reads), "plan" (the next observations) and "changes" (against an earlier calibration).
     """
+
+    _tables = ("calibration", "rejected", "causes", "steps", "leftovers", "plan", "changes")
 
     def __repr__(self) -> str:
         ok = self.status.count("ok")
@@ -54,6 +56,11 @@ class JointCalibration(Calibration):
     def wander(self) -> dict[str, Any]:
         """How zero points wander: `slow_mrad` and `fast_mrad` of both axes, within `slow_days` and `fast_days`."""
         return dict(self._found["wander"])
+
+    @property
+    def of_field(self) -> dict[str, tuple[float, float]]:
+        """What heliostats of this field are like: mean and standard deviation of each angle, by its name [rad]."""
+        return dict(self._found["of_field"])
 
     @property
     def converged(self) -> bool:
@@ -100,16 +107,6 @@ class JointCalibration(Calibration):
         jumps = self._columns["jumps"][1]
         return np.where(jumps < 0, 0, jumps)
 
-    def _table(self, kind: str) -> list[Column]:
-        known = [name for name in _TABLES if name in self._found]
-        if not isinstance(kind, str) or kind not in known:
-            raise wrong_value("kind", f"wanted {', '.join(known[:-1])} or {known[-1]}, got `{kind}`")
-        columns: list[Column] = self._found[kind]
-        return columns
-
-
-_TABLES = ("calibration", "rejected", "causes", "steps", "leftovers", "plan")
-
 
 def _state_of(update: Any) -> tuple[str, bytes | None]:
     """The name of a state for messages, and its bytes where it is no file."""
@@ -126,6 +123,7 @@ def as_one(
     field: Field,
     observations: Any,
     spots: Any | None,
+    compare: Any | None,
     given: dict[str, Any],
     words: dict[str, Any],
     progress: Callable[[int, int], Any] | bool | None,
@@ -144,20 +142,11 @@ def as_one(
         "ahead_days": 1.0 if ahead_days is None else number("ahead_days", ahead_days),
         "max_year_pointing_mrad": words["max_year_pointing_mrad"],
         "leftovers": leftovers,
-        "plan": plan_of(words["plan"]),
+        "plan": words["plan"],
+        "report": words["report"],
         "update": None if words["update"] is None else _state_of(words["update"]),
         "state": None if state is None else path("state", state),
     }
-    with reporter(progress, "heliostats") as report:
-        found = _calibrate_joint(field, observations, spots, asked, report)
+    with reporter(progress, "heliostats") as told:
+        found = _calibrate_joint(field, observations, spots, compare, asked, told)
     return JointCalibration(found, kind_of(observations))
-
-
-def plan_of(plan: Any) -> tuple[int, str] | None:
-    """A number of observations and their day."""
-    if plan is None:
-        return None
-    parts = several("plan", plan, "a number and a day, such as (3, '2026-06-21')")
-    if len(parts) != 2:
-        raise wrong_value("plan", f"wanted a number and a day, such as (3, '2026-06-21'), got {len(parts)} parts")
-    return whole("plan", parts[0], 0, 2**32 - 1), text("plan", parts[1])

@@ -58,12 +58,18 @@ def _landed_table(
 ) -> Any: ...
 def _angles(field: Field, angles: Any) -> dict[str, NDArray[Any]]: ...
 def _calibrate(
-    field: Field, observations: Any, spots: Any | None, words: dict[str, Any], progress: Any | None
+    field: Field,
+    observations: Any,
+    spots: Any | None,
+    compare: Any | None,
+    words: dict[str, Any],
+    progress: Any | None,
 ) -> dict[str, Any]: ...
 def _calibrate_joint(
     field: Field,
     observations: Any,
     spots: Any | None,
+    compare: Any | None,
     words: dict[str, Any],
     progress: Callable[[int, int], Any] | None,
 ) -> dict[str, Any]: ...

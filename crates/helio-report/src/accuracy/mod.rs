@@ -9,6 +9,7 @@ mod figures;
 mod page;
 mod tables;
 
+use helio_io::JudgedCampaign;
 use helio_spot::accuracy::{Evaluation, Limits, Options, Setup, SpotRow};
 
 /// How many frames are drawn one by one at most, evenly chosen.
@@ -41,6 +42,27 @@ pub struct AccuracyPage<'a> {
     pub files: Vec<(String, String)>,
     /// What else is to be known.
     pub notes: Vec<String>,
+}
+
+impl<'a> AccuracyPage<'a> {
+    /// The page of a campaign that was judged, by a program of some version at some time; this crate has no clock.
+    #[must_use]
+    pub fn of_campaign(judged: &'a JudgedCampaign, version: &str, generated_utc: String) -> Self {
+        AccuracyPage {
+            title: judged.title(),
+            version: format!("helio-rs {version}"),
+            generated_utc,
+            facts: judged.facts(),
+            evaluation: &judged.evaluation,
+            spots: &judged.spots,
+            setup: &judged.setup,
+            limits: &judged.limits,
+            options: &judged.options,
+            instruments: judged.instruments(),
+            files: judged.files.clone(),
+            notes: judged.campaign.notes.clone(),
+        }
+    }
 }
 
 /// The page as a complete HTML file.

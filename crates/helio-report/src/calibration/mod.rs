@@ -1,6 +1,6 @@
 //! The page of a calibration: what it did to a field and to some of its heliostats.
 //!
-//! [`CalibrationPage`] is plain data, filled by whoever ran the fits; [`calibration_page`] turns it
+//! [`CalibrationPage`] is plain data, filled by [`CalibrationPage::of_run`] or by hand; [`calibration_page`] turns it
 //! into one HTML file that needs nothing from outside. Numbers are in the units that people read:
 //! degrees, metres, milliradians of the beam. A number that does not exist is NaN or `None` and is
 //! never drawn. A page of a large field holds sections of few heliostats: [`most_in_need`] chooses
@@ -9,6 +9,7 @@
 pub(crate) mod correlation;
 pub(crate) mod dates;
 mod heliostat;
+mod of_run;
 mod overview;
 pub(crate) mod page;
 mod parameters;

@@ -1,7 +1,7 @@
 //! The page of a field calibrated as one: what its heliostats share, how they differ, how their zero points
 //! move, and whether the stated uncertainty holds.
 //!
-//! [`JointPage`] is plain numbers, filled by whoever ran the fit; [`joint_page`] turns it into one HTML file
+//! [`JointPage`] is plain numbers, filled by [`JointPage::of_run`] or by hand; [`joint_page`] turns it into one HTML file
 //! that needs nothing from outside. Angles are milliradians, of the mirror or, where said, of the beam. A
 //! number that does not exist is NaN or `None` and is never drawn. Its size is bounded whatever the size of
 //! the field: figures of all records count them, figures of single heliostats show at most [`TRACKS`].
@@ -9,6 +9,7 @@
 mod causes;
 mod field;
 mod foretold;
+mod of_run;
 mod page;
 mod zero;
 

@@ -1,6 +1,5 @@
 //! `calibrate`: the angular errors of every heliostat from observations of its spot.
 
-mod changes;
 mod heliostats;
 mod joint;
 mod proposals;
@@ -12,19 +11,21 @@ use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use helio_calib::schedule::Sets;
-use helio_io::calibrate::{AHEAD_NS, Asked, FitWords, OK, Run, without_sigmas, write_rejected};
+use helio_io::calibrate::{
+    AHEAD_NS, Asked, CHANGES_TOLD, Changes, FitWords, OK, PRIOR_WITHOUT_SIGMAS, Run, earlier,
+    without_sigmas, write_rejected,
+};
 use helio_io::{
     AtomicFile, CalibratedSet, IoError, LoadedField, Observations, Provenance, hash_file,
     load_observations_with_spots, load_spots, write_calibration,
 };
-use helio_report::calibration::calibration_page;
+use helio_report::AboutRun;
+use helio_report::calibration::{CalibrationPage, calibration_page};
 
 use crate::args::{CalibrateArgs, FitArgs, word};
-use crate::calibration_page::Source;
 use crate::failure::Failure;
 use crate::printer::{Counted, Grouped, Printer};
 use crate::{Outcome, plan};
-use changes::{changes, earlier};
 use proposals::{proposals_of, write_proposals};
 use resume::{build_hash, finished, hash_files, hash_text, is_plain};
 
@@ -121,9 +122,7 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
         None => None,
     };
     if !args.fit.prior.is_empty() && observations.heliostats.iter().any(without_sigmas) {
-        printer.note(format_args!(
-            "--prior without sigma_m: how much records count beside it is told by what a fit without it leaves"
-        ));
+        printer.note(format_args!("{PRIOR_WITHOUT_SIGMAS}"));
     }
     let run = Run {
         loaded: &loaded,
@@ -148,14 +147,13 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
             None => Vec::new(),
         };
         if let Some(file) = report {
-            let page = Source {
-                loaded: &loaded,
-                observations: &observations,
-                done: &done,
+            let about = AboutRun {
                 provenance: &provenance,
-                findings: changes.clone(),
+                generated_utc: plan::made_at(),
+                changes: changes.clone(),
             };
-            write_page(file, &calibration_page(&page.page()?))?;
+            let page = CalibrationPage::of_run(&run, &done, about)?;
+            write_page(file, &calibration_page(&page))?;
         }
         if let Some(path) = &args.rejected {
             let format = plan::format(Some(path), None)?;
@@ -164,7 +162,7 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
             write_rejected(destination, format, rows, &loaded, &observations)?;
         }
         if let Some(proposals) = &proposals {
-            let rows = run.propose(proposals, &done)?;
+            let rows = run.propose(proposals, &done, &|| true)?;
             write_proposals(proposals, &rows, args, &loaded, printer)?;
         }
         // Proposals take the place of the calibration where both would go to standard output.
@@ -188,6 +186,17 @@ pub(crate) fn run(args: &CalibrateArgs, printer: &Printer) -> Result<Outcome, Fa
     } else {
         Outcome::Good
     })
+}
+
+/// What changed against an earlier calibration, in the sentences that people are told.
+fn changes(
+    loaded: &LoadedField,
+    observations: &Observations,
+    old: &[CalibratedSet],
+    sets: &[CalibratedSet],
+) -> Result<Vec<String>, Failure> {
+    let changes = Changes::between(loaded, observations, old, sets, &|| true)?;
+    Ok(changes.sentences(CHANGES_TOLD))
 }
 
 /// The observations that can be used, which are some, and a hash of them and of their spots. What is dated later than the clock

@@ -1,10 +1,9 @@
 //! What is said of it all.
 
 use helio_io::CalibratedSet;
-use helio_io::calibrate::{Choice, Done, Left, OK, Run};
+use helio_io::calibrate::{Choice, Done, Left, OK, Run, median};
 
 use super::SAID;
-use super::changes::median;
 use crate::printer::{Bytes, Counted, Grouped, Printer};
 
 /// A number of sets and how well it does.

@@ -11,8 +11,8 @@ use helio_report::{Figure, FigureError, stack};
 
 use super::outputs::suffix_is;
 use crate::args::FluxArgs;
-use crate::calibration_page::made_at;
 use crate::failure::Failure;
+use crate::plan::made_at;
 use crate::printer::Grouped;
 
 /// Pixels of a PNG for one of the figure.

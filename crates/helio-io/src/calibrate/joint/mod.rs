@@ -20,7 +20,7 @@ use helio_core::TargetPlane;
 pub use self::known::{Day, Seen};
 pub use self::tables::cause_target;
 pub use self::update::Following;
-pub use self::words::{alarm_words, days_of, jump_words};
+pub use self::words::{STOPPED, alarm_words, days_of, for_people, jump_words};
 use super::RunError;
 use crate::error::IoError;
 use crate::field::LoadedField;

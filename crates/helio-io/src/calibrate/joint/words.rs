@@ -5,6 +5,20 @@ use helio_calib::joint::{DAY_NS, Spell};
 use super::JumpFound;
 use crate::times::format_time;
 
+/// Of a fit whose search ended early.
+pub const STOPPED: &str = "the search for noise and wander stopped before its end: what is said of them, and what is \
+                           expected of beams, is as it was found until then";
+
+/// A value in its unit for people: angles in mrad, lengths in cm.
+#[must_use]
+pub fn for_people(unit: &str) -> (f64, &str) {
+    match unit {
+        "rad" => (1e3, "mrad"),
+        "m" => (1e2, "cm"),
+        other => (1.0, other),
+    }
+}
+
 /// When a spell was.
 #[must_use]
 pub fn days_of(spell: &Spell) -> String {

@@ -3,7 +3,6 @@
 mod batch;
 mod leftovers;
 mod outputs;
-mod page;
 mod said;
 mod update;
 
@@ -12,11 +11,10 @@ use helio_io::calibrate::joint::{
     JointAsked, JointRun, Judged, JumpFound, NOT_ANEW, NOT_AS_ONE, Remark, days_of, jump_words,
     needs_site,
 };
-use helio_io::calibrate::{OK, Proposals};
+use helio_io::calibrate::{OK, Proposals, earlier, median};
 use helio_io::output::{Destination, Format};
 use helio_io::{AtomicFile, CalibratedSet, LoadedField, Observations, Provenance};
 
-use super::changes::{earlier, median};
 use super::proposals::proposals_of;
 use super::resume::hash_files;
 use super::{SAID, different_outputs, observed, report_file};

@@ -3,16 +3,14 @@
 use helio_io::calibrate::joint::{Day, JointFound, JointRun};
 use helio_io::calibrate::write_rejected;
 use helio_io::{CalibratedSet, Provenance, write_calibration};
-use helio_report::joint::joint_page;
+use helio_report::AboutRun;
+use helio_report::joint::{JointPage, joint_page};
 
-use super::page::Source;
-use super::said::STOPPED;
 use super::{Asked, Run};
-use crate::commands::calibrate::changes::changes;
 use crate::commands::calibrate::proposals::write_proposals;
-use crate::commands::calibrate::write_page;
+use crate::commands::calibrate::{changes, write_page};
 use crate::failure::Failure;
-use crate::plan;
+use crate::plan::{self, made_at};
 
 /// What a run found.
 pub(super) struct Found<'a> {
@@ -41,13 +39,13 @@ impl Run<'_> {
             None => Vec::new(),
         };
         if let Some(file) = asked.report {
-            let stopped = (!found.all.converged()).then(|| STOPPED.to_owned());
-            let page = Source {
-                loaded: &self.loaded,
-                found,
-                findings: stopped.into_iter().chain(changes.clone()).collect(),
+            let about = AboutRun {
+                provenance: found.provenance,
+                generated_utc: made_at(),
+                changes: changes.clone(),
             };
-            write_page(file, &joint_page(&page.page()?))?;
+            let page = JointPage::of_run(run, found.all, about)?;
+            write_page(file, &joint_page(&page))?;
         }
         if let Some(path) = &args.joint.causes {
             let format = plan::format(Some(path), None)?;

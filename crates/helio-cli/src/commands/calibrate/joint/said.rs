@@ -3,22 +3,9 @@
 use helio_calib::Parameter;
 use helio_calib::joint::{CommonCause, JointFit, Worth};
 use helio_core::TargetPlane;
-use helio_io::calibrate::joint::cause_target;
+use helio_io::calibrate::joint::{STOPPED, cause_target, for_people};
 
 use super::Run;
-
-/// A value in its unit for people: angles in mrad, lengths in cm.
-pub(super) fn for_people(unit: &str) -> (f64, &str) {
-    match unit {
-        "rad" => (1e3, "mrad"),
-        "m" => (1e2, "cm"),
-        other => (1.0, other),
-    }
-}
-
-/// Of a fit whose search ended early.
-pub(super) const STOPPED: &str = "the search for noise and wander stopped before its end: what is said of them, and \
-                                  what is expected of beams, is as it was found until then";
 
 fn cause_words(cause: &CommonCause, worth: &Worth, targets: &[(String, TargetPlane)]) -> String {
     let (factor, unit) = for_people(cause.cause.description().unit);

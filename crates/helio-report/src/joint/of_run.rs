@@ -4,17 +4,12 @@ use std::collections::HashMap;
 
 use helio_calib::Parameter;
 use helio_calib::joint::{CommonCause, Scope, StepKind, ZeroPoint};
-use helio_io::LoadedField;
-use helio_io::calibrate::joint::cause_target;
-use helio_report::joint::{
-    CauseLine, HeliostatLine, JointPage, NumberLine, RecordLine, jumped, tracks,
-};
+use helio_io::calibrate::RunError;
+use helio_io::calibrate::joint::{JointFound, JointRun, STOPPED, cause_target, for_people};
 use rayon::prelude::*;
 
-use super::outputs::Found;
-use super::said::for_people;
-use crate::calibration_page::{facts, made_at, site_name};
-use crate::failure::Failure;
+use super::{CauseLine, HeliostatLine, JointPage, NumberLine, RecordLine, jumped, tracks};
+use crate::run::{AboutRun, facts, site_name};
 
 /// Records that a page is given at most: of larger fields those of some heliostats, evenly chosen.
 const MOST_RECORDS: usize = 1_000_000;
@@ -23,15 +18,56 @@ const MOST_RECORDS: usize = 1_000_000;
 const ANGLES: usize = 6;
 
 /// What a page is made of.
-pub(super) struct Source<'a> {
-    pub(super) loaded: &'a LoadedField,
-    pub(super) found: &'a Found<'a>,
-    pub(super) findings: Vec<String>,
+struct Source<'a> {
+    run: &'a JointRun<'a>,
+    all: &'a JointFound<'a>,
+}
+
+impl JointPage {
+    /// The page of a run, from what it found.
+    ///
+    /// # Errors
+    /// [`RunError`] if the observations are not those of their file, and where the run is stopped.
+    ///
+    /// ```
+    /// use std::path::Path;
+    ///
+    /// use helio_io::calibrate::joint::{JointAsked, JointRun};
+    /// use helio_report::AboutRun;
+    /// use helio_report::joint::JointPage;
+    ///
+    /// let examples = Path::new("../../examples");
+    /// let loaded = helio_io::load_field(&examples.join("field.toml"))?;
+    /// let run = JointRun {
+    ///     loaded: &loaded,
+    ///     observations: &helio_io::load_observations(&examples.join("observations.csv"), &loaded)?,
+    ///     asked: &JointAsked::default(),
+    ///     say: &|_| (),
+    ///     watch: &|_, _| true,
+    /// };
+    /// let found = run.fit()?;
+    /// let about = AboutRun {
+    ///     provenance: &helio_io::Provenance::default(),
+    ///     generated_utc: "2026-06-21T12:00:00Z".into(),
+    ///     changes: Vec::new(),
+    /// };
+    /// let page = JointPage::of_run(&run, &found, about)?;
+    /// assert_eq!(page.heliostats.len(), 500); // all, whether they were seen or not
+    /// assert_eq!(page.heliostats.iter().filter(|line| !line.records.is_empty()).count(), 4);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn of_run(
+        run: &JointRun<'_>,
+        found: &JointFound<'_>,
+        about: AboutRun<'_>,
+    ) -> Result<Self, RunError> {
+        Source { run, all: found }.page(about)
+    }
 }
 
 impl Source<'_> {
-    pub(super) fn page(&self) -> Result<JointPage, Failure> {
-        let state = &self.found.all.state;
+    fn page(&self, about: AboutRun<'_>) -> Result<JointPage, RunError> {
+        let state = &self.all.state;
         let own = self.own_causes();
         let unknowns: Vec<String> = Parameter::ALL[..ANGLES]
             .iter()
@@ -45,17 +81,15 @@ impl Source<'_> {
         let pairs = shown
             .iter()
             .flat_map(|&i| shown.iter().map(move |&j| (i, j)));
+        let stopped = (!self.all.converged()).then(|| STOPPED.to_owned());
+        let loaded = self.run.loaded;
         let mut page = JointPage {
-            followed: self.found.all.fit.is_none(),
-            title: format!("{} as one", site_name(self.loaded)),
-            generated_utc: made_at(),
-            version: format!("helio-rs {}", self.found.provenance.version),
-            facts: facts(
-                self.loaded,
-                self.found.run.observations,
-                self.found.provenance,
-            ),
-            findings: self.findings.clone(),
+            followed: self.all.fit.is_none(),
+            title: format!("{} as one", site_name(loaded)),
+            generated_utc: about.generated_utc,
+            version: format!("helio-rs {}", about.provenance.version),
+            facts: facts(loaded, self.run.observations, about.provenance),
+            findings: stopped.into_iter().chain(about.changes).collect(),
             causes: self.causes(),
             noise: self.noise(),
             unknowns: shown.iter().map(|&k| unknowns[k].clone()).collect(),
@@ -68,7 +102,7 @@ impl Source<'_> {
     }
 
     fn own_causes(&self) -> Vec<&CommonCause> {
-        let causes = self.found.all.causes.iter();
+        let causes = self.all.causes.iter();
         causes
             .filter(|cause| cause.cause.description().scope == Scope::Heliostat)
             .collect()
@@ -84,29 +118,31 @@ impl Source<'_> {
     }
 
     /// Zero points that the page shows, as all records tell them.
-    fn smooth(&self, page: &mut JointPage) -> Result<(), Failure> {
-        if self.found.all.fit.is_none() {
+    fn smooth(&self, page: &mut JointPage) -> Result<(), RunError> {
+        if self.all.fit.is_none() {
             return Ok(());
         }
         let index_of: HashMap<&str, usize> = self
-            .found
             .run
             .observations
             .heliostats
             .iter()
             .enumerate()
-            .map(|(index, of)| (self.loaded.field.ids()[of.row].as_str(), index))
+            .map(|(index, of)| (self.run.loaded.field.ids()[of.row].as_str(), index))
             .collect();
         let mut shown = tracks(page);
         shown.extend(jumped(page));
         shown.sort_unstable();
         shown.dedup();
-        let found: Result<Vec<(usize, Vec<ZeroPoint>)>, Failure> = shown
+        let found: Result<Vec<(usize, Vec<ZeroPoint>)>, RunError> = shown
             .into_par_iter()
             .filter_map(|line| {
                 let index = index_of.get(page.heliostats[line].id.as_str())?;
-                let zeros = self.found.all.zero_points(*index).transpose()?;
-                Some(zeros.map(|zeros| (line, zeros)).map_err(Failure::from))
+                if let Err(stopped) = self.run.go_on() {
+                    return Some(Err(stopped));
+                }
+                let zeros = self.all.zero_points(*index).transpose()?;
+                Some(zeros.map(|zeros| (line, zeros)))
             })
             .collect();
         for (line, zeros) in found? {
@@ -119,16 +155,15 @@ impl Source<'_> {
     }
 
     fn causes(&self) -> Vec<CauseLine> {
-        let of = |k: usize| self.found.all.worth.as_ref().and_then(|worth| worth.get(k));
-        self.found
-            .all
+        let of = |k: usize| self.all.worth.as_ref().and_then(|worth| worth.get(k));
+        self.all
             .causes
             .iter()
             .enumerate()
             .map(|(k, cause)| {
                 let description = cause.cause.description();
                 let (factor, unit) = for_people(description.unit);
-                let name = match cause_target(cause.cause, &self.found.all.targets) {
+                let name = match cause_target(cause.cause, &self.all.targets) {
                     "" => description.in_words.to_owned(),
                     target => {
                         let shift = description.in_words.replace(" of the target", "");
@@ -153,7 +188,7 @@ impl Source<'_> {
     }
 
     fn noise(&self) -> Vec<NumberLine> {
-        let (noise, wander) = (&self.found.all.state.noise, &self.found.all.state.wander);
+        let (noise, wander) = (&self.all.state.noise, &self.all.state.wander);
         [
             (
                 "scatter across the beam, either component",
@@ -193,9 +228,9 @@ impl Source<'_> {
         .to_vec()
     }
 
-    fn heliostats(&self) -> Result<Vec<HeliostatLine>, Failure> {
-        let (found, observations) = (self.found.all, self.found.run.observations);
-        let mut of_row: Vec<Vec<RecordLine>> = vec![Vec::new(); self.loaded.field.len()];
+    fn heliostats(&self) -> Result<Vec<HeliostatLine>, RunError> {
+        let (found, observations) = (self.all, self.run.observations);
+        let mut of_row: Vec<Vec<RecordLine>> = vec![Vec::new(); self.run.loaded.field.len()];
         let indices = observations.heliostats.len();
         let every = found
             .judged
@@ -227,13 +262,14 @@ impl Source<'_> {
             .collect();
         places.sort_unstable();
         let shown = self.shown();
-        let lines: Result<Vec<HeliostatLine>, Failure> = places
+        let lines: Result<Vec<HeliostatLine>, RunError> = places
             .par_iter()
             .map(|&(row, place)| {
+                self.run.go_on()?;
                 let (values, sigmas) = found.state.at_rest(place)?;
                 let mrad = |x: Vec<f64>| shown.iter().map(|&k| 1e3 * x[k]).collect();
                 Ok(HeliostatLine {
-                    id: self.loaded.field.ids()[row].clone(),
+                    id: self.run.loaded.field.ids()[row].clone(),
                     observations: found.state.heliostats()[place].believed() as usize,
                     values_mrad: mrad(values),
                     sigmas_mrad: mrad(sigmas),

@@ -1,4 +1,4 @@
-//! What a calibration changed against an earlier one.
+//! What a calibration changed of one heliostat against an earlier one.
 
 use helio_calib::aiming::encoder_angles_rad;
 use helio_calib::model::{Pose, normal};
@@ -6,20 +6,22 @@ use helio_calib::{Mount, Observation, Parameter, Parameters, Sighting, pointing_
 use helio_core::angle::wrap_pi;
 use helio_core::error::FieldError;
 use helio_core::{EnuUnit, Heliostat, PoseErrors, TargetPlane};
-use helio_io::{CalibratedSet, CalibrationSchedule};
+
+use crate::calibrated::CalibratedSet;
+use crate::field::CalibrationSchedule;
 
 /// What changed between two calibrations of one heliostat.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Change {
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Change {
     /// RMS over suns of how far apart the beams are that both calibrations predict \[mrad\].
-    pub(crate) beam_mrad: f64,
+    pub beam_mrad: f64,
     /// Chi-square of the difference against both covariances and its degrees of freedom, of the two
     /// sets that differ most surely among those that hold at the same hours.
-    pub(crate) chi_square: Option<(f64, usize)>,
+    pub chi_square: Option<(f64, usize)>,
     /// True if some of those stand on other pose errors, of which no covariance tells; there is then no chi-square.
-    pub(crate) other_pose_errors: bool,
+    pub other_pose_errors: bool,
     /// How many pairs of sets hold at the same hours.
-    pub(crate) pairs: usize,
+    pub pairs: usize,
 }
 
 /// Chi-square that chance exceeds in one case of twenty, by degrees of freedom 1 to 7: of one pair of sets, and the
@@ -38,14 +40,15 @@ const BY_CHANCE: [[f64; 7]; 8] = [
 
 impl Change {
     /// True if chance would hardly make such a difference; `None` where no covariance tells.
-    pub(crate) fn is_significant(&self) -> Option<bool> {
+    #[must_use]
+    pub fn is_significant(&self) -> Option<bool> {
         let (chi_square, freedom) = self.chi_square?;
         Some(chi_square > by_chance(self.pairs, freedom)?)
     }
 
     /// What the axes are told at some suns (each with its hour angle \[rad\]) by the latest sets of two
     /// calibrations of a heliostat. Nothing where either has no errors.
-    pub(crate) fn between(
+    pub(super) fn between(
         old: &[&CalibratedSet],
         new: &[&CalibratedSet],
         heliostat: &Heliostat,

@@ -3,22 +3,62 @@
 use helio_calib::{Mount, Observation, Parameter, Parameters, student_t95};
 use helio_core::MountErrors;
 use helio_core::angle::degrees;
-use helio_io::calibrate::{Done, DoneSet, OK, predicted_spots};
-use helio_io::{LoadedField, Observations, Provenance};
-use helio_report::calibration::{
+use helio_io::calibrate::{Done, DoneSet, OK, Run, predicted_spots};
+use helio_io::{IoError, LoadedField, Observations};
+
+use super::{
     CalibrationPage, EpochSection, HeliostatSection, HeliostatSummary, ParameterRow, ParameterUnit,
     Record, SECTIONS, SetChoice, SetRow, TargetOutline, Verdict, most_in_need,
 };
-
-use crate::failure::Failure;
+use crate::run::{AboutRun, facts, site_name};
 
 /// What a page is made of.
-pub(crate) struct Source<'a> {
-    pub(crate) loaded: &'a LoadedField,
-    pub(crate) observations: &'a Observations,
-    pub(crate) done: &'a [Done],
-    pub(crate) provenance: &'a Provenance,
-    pub(crate) findings: Vec<String>,
+struct Source<'a> {
+    loaded: &'a LoadedField,
+    observations: &'a Observations,
+    done: &'a [Done],
+}
+
+impl CalibrationPage {
+    /// The page of a run, heliostat by heliostat, from what they came to in the order of the field.
+    ///
+    /// # Errors
+    /// [`IoError`] if the observations are not those of their file.
+    ///
+    /// ```
+    /// use std::path::Path;
+    ///
+    /// use helio_io::calibrate::{Asked, FitWords, Run};
+    /// use helio_report::AboutRun;
+    /// use helio_report::calibration::{CalibrationPage, calibration_page};
+    ///
+    /// let examples = Path::new("../../examples");
+    /// let loaded = helio_io::load_field(&examples.join("field.toml"))?;
+    /// let seen = helio_io::load_observations(&examples.join("observations.csv"), &loaded)?;
+    /// let run = Run {
+    ///     loaded: &loaded,
+    ///     observations: &seen,
+    ///     asked: &Asked::new(&FitWords::default())?,
+    /// };
+    /// let done: Result<Vec<_>, _> = (0..seen.heliostats.len()).map(|index| run.one(index)).collect();
+    /// let about = AboutRun {
+    ///     provenance: &helio_io::Provenance::default(),
+    ///     generated_utc: "2026-06-21T12:00:00Z".into(),
+    ///     changes: Vec::new(),
+    /// };
+    /// let page = CalibrationPage::of_run(&run, &done?, about)?;
+    /// assert_eq!((page.field.len(), page.heliostats.len()), (500, 4)); // those with records have a section
+    /// assert!(calibration_page(&page).starts_with("<!DOCTYPE html>"));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn of_run(run: &Run<'_>, done: &[Done], about: AboutRun<'_>) -> Result<Self, IoError> {
+        let source = Source {
+            loaded: run.loaded,
+            observations: run.observations,
+            done,
+        };
+        source.page(about)
+    }
 }
 
 fn verdict_of(set: &DoneSet) -> Verdict {
@@ -29,40 +69,8 @@ fn verdict_of(set: &DoneSet) -> Verdict {
     }
 }
 
-/// What people call the field.
-pub(crate) fn site_name(loaded: &LoadedField) -> &str {
-    let site = loaded.site.as_ref().and_then(|site| site.name.as_deref());
-    site.unwrap_or("a heliostat field")
-}
-
-/// Now, as text.
-pub(crate) fn made_at() -> String {
-    let seconds = jiff::Timestamp::now().as_second();
-    helio_io::format_time(seconds.saturating_mul(1_000_000_000))
-}
-
-/// What a run was made from, and how.
-pub(crate) fn facts(
-    loaded: &LoadedField,
-    observations: &Observations,
-    p: &Provenance,
-) -> Vec<(String, String)> {
-    let files = loaded.files.iter().map(|path| path.display().to_string());
-    [
-        ("field", files.collect::<Vec<_>>().join(", ")),
-        ("observations", observations.path.display().to_string()),
-        ("solver", p.solver.clone()),
-        ("residual", p.residual.clone()),
-        ("robust loss", p.robust.clone()),
-        ("field, SHA-256", p.field_hash.clone()),
-        ("observations, SHA-256", p.observations_hash.clone()),
-    ]
-    .map(|(name, text)| (name.to_owned(), text))
-    .to_vec()
-}
-
 impl Source<'_> {
-    pub(crate) fn page(&self) -> Result<CalibrationPage, Failure> {
+    fn page(&self, about: AboutRun<'_>) -> Result<CalibrationPage, IoError> {
         let field = &self.loaded.field;
         let mut lines: Vec<HeliostatSummary> = field
             .ids()
@@ -97,7 +105,7 @@ impl Source<'_> {
                 .find(|set| set.status != OK)
                 .map_or(String::new(), |set| set.status.clone());
         }
-        let sections: Result<_, Failure> = most_in_need(&lines, SECTIONS, &[])
+        let sections: Result<_, IoError> = most_in_need(&lines, SECTIONS, &[])
             .into_iter()
             .filter_map(|row| Some(self.section(&self.done[of_row[row]?])))
             .collect();
@@ -106,10 +114,10 @@ impl Source<'_> {
         let tower = centres.fold([0.0; 2], |sum, c| [sum[0] + c.east, sum[1] + c.north]);
         Ok(CalibrationPage {
             title: format!("Calibration of {}", site_name(self.loaded)),
-            generated_utc: made_at(),
-            version: format!("helio-rs {}", self.provenance.version),
-            facts: facts(self.loaded, self.observations, self.provenance),
-            findings: self.findings.clone(),
+            generated_utc: about.generated_utc,
+            version: format!("helio-rs {}", about.provenance.version),
+            facts: facts(self.loaded, self.observations, about.provenance),
+            findings: about.changes,
             field: lines,
             tower_m: (n > 0.0).then(|| tower.map(|sum| sum / n)),
             targets: self
@@ -128,7 +136,7 @@ impl Source<'_> {
         })
     }
 
-    fn section(&self, one: &Done) -> Result<HeliostatSection, Failure> {
+    fn section(&self, one: &Done) -> Result<HeliostatSection, IoError> {
         let of = &self.observations.heliostats[one.index];
         let heliostat = &self.loaded.field.heliostats()[of.row];
         let mount = Mount::of(self.loaded.field.mode(), heliostat);
@@ -176,7 +184,7 @@ impl Source<'_> {
             // NaN where there is none.
             (kept.iter().sum::<f64>() / kept.len() as f64).sqrt()
         };
-        let records: Result<_, Failure> = (0..count)
+        let records: Result<_, IoError> = (0..count)
             .map(|row| {
                 let observation = &of.observations[row];
                 let record = of.records[row];
