@@ -31,6 +31,8 @@ enum Source {
     Files {
         loaded: Box<LoadedField>,
         path: PathBuf,
+        /// Every file read, as it was named.
+        named: Vec<PathBuf>,
         hashes: Vec<String>,
     },
 }
@@ -51,6 +53,7 @@ impl Inner {
     }
 
     fn loaded_from(path: &Path, mut loaded: LoadedField) -> Result<Self, Failure> {
+        let named = loaded.files.clone();
         // Whoever asks again may stand in another folder.
         let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.into());
         for file in &mut loaded.files {
@@ -62,6 +65,7 @@ impl Inner {
         Self::new(Source::Files {
             loaded,
             path,
+            named,
             hashes: hashes?,
         })
     }
@@ -135,6 +139,14 @@ impl Inner {
 
     pub(crate) fn files(&self) -> &[PathBuf] {
         self.loaded().map_or(&[], |loaded| &loaded.files)
+    }
+
+    /// Every file read, as whoever asked for the first of them named it.
+    pub(crate) fn named(&self) -> Option<&[PathBuf]> {
+        match &self.source {
+            Source::Columns(_) => None,
+            Source::Files { named, .. } => Some(named),
+        }
     }
 
     /// What was read from files, and their hashes, for a calibration.
