@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import copy
 import os
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from helio_py._checked import flag, number, of, path, several, text, whole, wrong_value
@@ -15,6 +13,7 @@ from helio_py._tables import Column, checked_kind, given_back
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+    from pathlib import Path
 
     import numpy as np
     from numpy.typing import NDArray
@@ -66,6 +65,8 @@ class SimulatedImages:
     @property
     def target(self) -> dict[str, Any]:
         """The keys of the frames' target.toml, as ``find_spots`` takes them."""
+        import copy  # not at import, which is to be quick
+
         return copy.deepcopy(self._target)
 
     @property
@@ -226,7 +227,11 @@ def simulate_images(
     for name, value in (("turn_deg", turn_deg), ("tilt_deg", tilt_deg), ("roll_deg", roll_deg)):
         asked[name] = number(name, value, -60.0, 60.0, "degrees")
     asked["distortion"] = number("distortion", distortion, -0.5, 0.5, "")
-    folder = None if out is None else Path(path("out", out))
+    folder = None
+    if out is not None:
+        from pathlib import Path  # not at import, which is to be quick
+
+        folder = Path(path("out", out))
     with reporter(progress, "frames") as report:
         return SimulatedImages(_simulate_images(observations, asked, folder, report), folder)
 
