@@ -58,7 +58,7 @@ impl FieldCheck {
     /// let loaded = load_field(&write_example_field(folder.path(), false)?.field)?;
     /// let check = FieldCheck::of(&loaded, &loaded.files, 1_782_043_200_000_000_000, &|_, _| true)?;
     /// assert!(check.text.contains("\nheliostats     500, tracking mode azimuth-elevation\n"));
-    /// assert!(check.text.contains("sun now        2026-06-21T12:00:00Z: azimuth 166."));
+    /// assert!(check.text.contains("sun now        2026-06-21T12:00:00Z: azimuth 155.722°"));
     /// assert_eq!(check.tally.total(), 500 * check.suns as u64);
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
@@ -450,4 +450,28 @@ fn sample(loaded: &LoadedField) -> Result<(Vec<EnuUnit>, &'static str), SunError
         .filter(|sun| sun.as_enu().up > 0.0)
         .collect();
     Ok((up, of))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whoever_watches_ends_it_and_hears_of_every_sun() {
+        let folder = tempfile::tempdir().unwrap();
+        let written = crate::write_example_field(folder.path(), false).unwrap();
+        let loaded = crate::load_field(&written.field).unwrap();
+        let of = |watch: &(dyn Fn(u64, u64) -> bool + Sync)| {
+            FieldCheck::of(&loaded, &loaded.files, 0, watch)
+        };
+        assert!(matches!(of(&|_, _| false), Err(CheckError::Stopped)));
+        let heard = std::sync::atomic::AtomicU64::new(0);
+        let check = of(&|more, all| {
+            assert!(all > 100);
+            heard.fetch_add(more, std::sync::atomic::Ordering::Relaxed);
+            true
+        });
+        let check = check.unwrap();
+        assert_eq!(heard.into_inner(), check.suns as u64);
+    }
 }

@@ -93,7 +93,15 @@ pub fn load_observation_log<'a>(
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
+    use arrow::array::{
+        ArrayRef, Float64Array, Int64Array, RecordBatch, StringArray, TimestampNanosecondArray,
+    };
+
     use super::*;
+    use crate::MemoryTable;
+    use crate::output::{Destination, Format, write_columns};
 
     #[test]
     fn what_is_wrong_is_named() {
@@ -110,5 +118,46 @@ mod tests {
             "{without}"
         );
         assert!(refused("heliostat_id,u_m,v_m,axes\nA1,1,2,3\n").contains("`axes`"));
+    }
+
+    /// What a table in memory holds goes on as it is, and is written as the cells of a file would be.
+    #[test]
+    fn a_table_in_memory_keeps_what_it_holds() {
+        let text = || Arc::new(StringArray::from(vec![Some("A1"), None])) as ArrayRef;
+        let numbers = || Arc::new(Float64Array::from(vec![None, Some(0.1)])) as ArrayRef;
+        let times = TimestampNanosecondArray::from(vec![0, 1_000_000_000]).with_timezone("UTC");
+        let batch = RecordBatch::try_from_iter([
+            ("heliostat_id", text()),
+            ("time", Arc::new(times) as ArrayRef),
+            ("axis1_deg", numbers()),
+            (
+                "axis1_steps",
+                Arc::new(Int64Array::from(vec![5, -7])) as ArrayRef,
+            ),
+            (
+                "u_m",
+                Arc::new(Float64Array::from(vec![1.0, 2.0])) as ArrayRef,
+            ),
+            (
+                "v_m",
+                Arc::new(Float64Array::from(vec![-1.0, 0.5])) as ArrayRef,
+            ),
+        ])
+        .unwrap();
+        let table = MemoryTable::new("observations", &batch.schema(), &[batch]).unwrap();
+        let log = load_observation_log(&table).unwrap();
+        assert_eq!(log.spots_m, [[1.0, -1.0], [2.0, 0.5]]);
+        let columns: Vec<_> = log
+            .columns
+            .iter()
+            .map(|(name, cells)| (name.as_str(), cells.cells()))
+            .collect();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log.csv");
+        write_columns(Destination::File(path.clone()), Format::Csv, &columns).unwrap();
+        assert_eq!(
+            std::fs::read_to_string(path).unwrap(),
+            "heliostat_id,time,axis1_deg,axis1_steps\nA1,1970-01-01T00:00:00Z,,5\n,1970-01-01T00:00:01Z,0.1,-7\n"
+        );
     }
 }

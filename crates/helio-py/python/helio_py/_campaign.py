@@ -11,8 +11,8 @@ from helio_py._tables import Column, checked_kind, given_back
 if TYPE_CHECKING:
     import os
 
-#: Most frames of a campaign in memory: more than a week of the default ones.
-_MOST_FRAMES = 10_000_000
+#: Most frames of a campaign in memory: some four days of the default ones.
+_MOST_FRAMES = 5_000_000
 
 
 class SimulatedCampaign:
@@ -78,7 +78,7 @@ def simulate_campaign(
     seed : int, default 1
         Of all random numbers.
     minutes : int, default 60
-        How long, from 1 to 10,000; ten million frames in all at most.
+        How long, from 1 to 10,000; five million frames in all at most.
     frames_per_s : int, default 15
         Frames per second, from 1 to 1000.
     slant_m : float, default 100
