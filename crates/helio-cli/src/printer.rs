@@ -5,10 +5,9 @@ use std::io::{IsTerminal, Write};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use helio_core::Status;
 use helio_io::IoError;
 use helio_io::output::Destination;
-pub(crate) use helio_io::{Counted, Grouped};
+pub(crate) use helio_io::{Counted, Grouped, Tally};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::failure::Failure;
@@ -157,65 +156,6 @@ fn clock(seconds: f64) -> String {
     }
 }
 
-/// Rows of each status.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Tally([u64; Status::ALL.len()]);
-
-impl Tally {
-    pub(crate) fn add(&mut self, status: &[Status]) {
-        for part in status.chunks(1 << 14) {
-            // The compiler counts one word of a whole stretch at once, but not seven.
-            let ok = part
-                .iter()
-                .map(|&s| u32::from(s == Status::Ok))
-                .sum::<u32>();
-            self.0[0] += u64::from(ok);
-            if (ok as usize) < part.len() {
-                for &s in part.iter().filter(|&&s| s != Status::Ok) {
-                    self.0[usize::from(s.code())] += 1;
-                }
-            }
-        }
-    }
-
-    pub(crate) fn total(&self) -> u64 {
-        self.0.iter().sum()
-    }
-
-    /// Rows without an answer that the night does not excuse.
-    pub(crate) fn failed(&self) -> u64 {
-        self.total() - self.count(Status::Ok) - self.count(Status::SunBelowHorizon)
-    }
-
-    pub(crate) fn count(&self, status: Status) -> u64 {
-        self.0[usize::from(status.code())]
-    }
-
-    /// Every status with its rows.
-    pub(crate) fn rows(&self) -> Vec<(Status, u64)> {
-        Status::ALL
-            .into_iter()
-            .map(|s| (s, self.count(s)))
-            .collect()
-    }
-}
-
-impl Display for Tally {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let mut separator = "";
-        for (status, count) in self.rows() {
-            if count > 0 {
-                write!(f, "{separator}{} {status}", Grouped(count))?;
-                separator = ", ";
-            }
-        }
-        if separator.is_empty() {
-            f.write_str("no rows")?;
-        }
-        Ok(())
-    }
-}
-
 /// A number of bytes as people say it.
 pub(crate) struct Bytes(pub(crate) u64);
 
@@ -242,17 +182,5 @@ mod tests {
         assert_eq!(Grouped(1_234).to_string(), "1,234");
         assert_eq!(Bytes(1_875_438_816).to_string(), "1.88 GB");
         assert_eq!(clock(3_700.0), "1 h 1 min");
-    }
-
-    #[test]
-    fn a_tally_tells_failures_from_the_night() {
-        let mut tally = Tally::default();
-        tally.add(&[Status::Ok; 20_000]);
-        tally.add(&[Status::SunBelowHorizon, Status::Unreachable]);
-        assert_eq!(tally.failed(), 1);
-        assert_eq!(
-            tally.to_string(),
-            "20,000 ok, 1 unreachable, 1 sun_below_horizon"
-        );
     }
 }

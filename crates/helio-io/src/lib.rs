@@ -21,7 +21,9 @@ mod atomic;
 pub mod calibrate;
 mod calibrated;
 mod campaign;
+mod check;
 mod error;
+mod example;
 mod field;
 mod finding;
 mod finished;
@@ -45,6 +47,7 @@ mod small;
 mod spots;
 mod state;
 mod table;
+mod tally;
 mod target;
 mod times;
 mod toml;
@@ -59,7 +62,9 @@ pub use campaign::{
     Campaign, Instrument, campaign_of_text, limits_of_text, limits_toml, load_campaign,
     load_limits, load_weather,
 };
+pub use check::{CheckError, FieldCheck};
 pub use error::{IoError, Place, Problem};
+pub use example::{ExampleError, ExampleField, write_example_field};
 pub use field::{
     CalibrationSchedule, FieldParts, Lapse, LoadedField, ObservationColumns, Site, Target,
     TargetArea, load_field, load_field_calibrated, surroundings_of_text,
@@ -91,7 +96,8 @@ pub use scene::{
 };
 pub use schema::{scene_schema, schema, target_schema};
 pub use simulate::{
-    LayoutPattern, ObservationPlan, SimulateError, SimulatedLayout, SimulatedObservations,
+    FramePixels, ImageBeam, ImagePlan, ImagesError, LayoutPattern, ObservationPlan, SimulateError,
+    SimulatedCampaign, SimulatedImages, SimulatedLayout, SimulatedObservations,
 };
 pub use small::{Angles, AnglesSun, PresentAngles, Suns, load_angles, load_present, load_suns};
 pub use spots::{SpotRow, SpotTable, load_spots, write_spots};
@@ -100,6 +106,7 @@ pub use state::{
     write_state,
 };
 pub use table::{MemoryTable, PARQUET_THREAD, TableSource};
+pub use tally::Tally;
 pub use target::{CameraTarget, load_target, target_of_text, target_toml};
 pub use times::{TimeRange, degrees_as_written, format_time, parse_step, parse_time};
 pub use words::{Counted, Grouped};

@@ -81,6 +81,10 @@ impl Failure {
         }
     }
 
+    pub(crate) fn with_path(self, path: PathBuf) -> Self {
+        self.with("path", Attribute::Path(path))
+    }
+
     pub(crate) fn with_row(self, row: usize) -> Self {
         self.with("row", Attribute::Whole(row))
     }

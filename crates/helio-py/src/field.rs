@@ -4,14 +4,16 @@ mod again;
 mod columns;
 mod inner;
 mod surroundings;
+mod through;
 
 use std::path::PathBuf;
 
 use numpy::PyArray2;
 use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyDict, PyList, PyTuple};
 
-use crate::array::{Numbers, owned, shape_text, wrong_shape};
+use crate::array::{owned, shape_text, wrong_shape};
 use crate::failure::Failure;
 use crate::given;
 use crate::guard::guarded;
@@ -127,37 +129,6 @@ impl PyField {
                 columns::column(self.inner.field(), name),
                 &[self.inner.len()],
             )
-        })
-    }
-
-    /// Two columns of angles or steps, each of shape (n,) or (m, n), through every heliostat's drives.
-    fn through_drives<'py>(
-        &self,
-        py: Python<'py>,
-        given: [(&Bound<'py, PyAny>, &str); 2],
-        convert: impl Fn(&helio_core::drive::Drive, f64) -> Option<f64> + Sync,
-    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
-        guarded(|| {
-            let n = self.inner.len();
-            let one = |axis: usize| {
-                let (value, what) = given[axis];
-                let numbers = Numbers::of(value, what)?;
-                if !matches!(*numbers.shape(), [found] | [_, found] if found == n) {
-                    let wanted = format!("({n},) or (m, {n})");
-                    return Err(wrong_shape(what, &wanted, numbers.shape()));
-                }
-                let slice = numbers.as_slice()?;
-                let done: Vec<f64> = py.detach(|| {
-                    let rows = slice.iter().enumerate();
-                    let through = rows.map(|(row, &number)| {
-                        let drive = self.inner.drives(row % n)[axis];
-                        drive.and_then(|drive| convert(&drive, number))
-                    });
-                    through.map(|found| found.unwrap_or(f64::NAN)).collect()
-                });
-                owned(py, done, numbers.shape())
-            };
-            Ok((one(0)?, one(1)?))
         })
     }
 }
@@ -442,6 +413,42 @@ impl PyField {
             };
             clock.positions(py, times)
         })
+    }
+
+    /// What the files of the field say, and whether it can work: every heliostat is tracked through a sample of the
+    /// suns of a year.
+    ///
+    /// Parameters
+    /// ----------
+    /// time : datetime64, datetime or str, optional
+    ///     The instant that is called now; by default the clock's.
+    /// progress : callable or True, optional
+    ///     Called with suns done and in all; True for a bar of tqdm.
+    ///
+    /// Returns
+    /// -------
+    /// FieldCheck
+    ///     Printed it is what ``helio-rs check`` prints.
+    ///
+    /// Raises
+    /// ------
+    /// MissingError, TimeError, DataTypeError, OptionError
+    ///
+    /// Examples
+    /// --------
+    /// >>> import helio_py as hp
+    /// >>> check = hp.Field.from_toml("examples/field.toml").check("2026-06-21T12:00:00Z")
+    /// >>> check.counts, check.never
+    /// ({'ok': 448000}, [])
+    #[pyo3(signature = (time=None, *, progress=None))]
+    fn check<'py>(
+        slf: &Bound<'py, Self>,
+        time: Option<&Bound<'py, PyAny>>,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        static CHECKED: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+        let checked = CHECKED.import(slf.py(), "helio_py._begin", "checked")?;
+        checked.call1((slf, time, progress))
     }
 
     /// Things worth saying about the files read, that stop nothing.

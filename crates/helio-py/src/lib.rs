@@ -4,7 +4,7 @@
 //! function and class, in the form that Python's readers know (numpydoc).
 //!
 //! One file per subject: `field`, `track`, `forward`, `sun`, `drive`, `predict`, `calibrate`, `joint`, `spots`, `accuracy`,
-//! `flux`, `simulate`; below
+//! `flux`, `simulate`, `paint`, `begin`; below
 //! them what they share: `beside` (what both ways of calibrating are asked beside their table), `array` (NumPy in and out), `table` (tables in and out), `rows` (answers as tables), `failure` (errors), `pool` (threads,
 //! and forks), `guard` (panics), `slab` (memory of answers), `watch` (progress and Ctrl-C of long work).
 
@@ -15,6 +15,7 @@
 
 mod accuracy;
 mod array;
+mod begin;
 mod beside;
 mod calibrate;
 mod drive;
@@ -67,6 +68,17 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(simulate::_simulate_field, module)?)?;
     module.add_function(wrap_pyfunction!(simulate::_simulate_observations, module)?)?;
     module.add_function(wrap_pyfunction!(paint::_convert_paint, module)?)?;
+    module.add_function(wrap_pyfunction!(
+        simulate::images::_simulate_images,
+        module
+    )?)?;
+    module.add_function(wrap_pyfunction!(
+        simulate::campaign::_simulate_campaign,
+        module
+    )?)?;
+    module.add_function(wrap_pyfunction!(begin::_init, module)?)?;
+    module.add_function(wrap_pyfunction!(begin::_schema, module)?)?;
+    module.add_function(wrap_pyfunction!(begin::_check_field, module)?)?;
 
     module.add_function(wrap_pyfunction!(predict::_predict, module)?)?;
     module.add_function(wrap_pyfunction!(rows::_landed_table, module)?)?;

@@ -1,4 +1,8 @@
-//! `simulate_field` and `simulate_observations`: the typed calls are in `helio_py._simulate`.
+//! `simulate_field` and `simulate_observations`: the typed calls are in `helio_py._simulate`; beside them frames and
+//! campaigns of tracking accuracy.
+
+pub(crate) mod campaign;
+pub(crate) mod images;
 
 use helio_calib::simulate::{Aiming, ErrorSpread, Jump, SimulateOptions};
 use helio_core::angle::radians;

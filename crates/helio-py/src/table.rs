@@ -138,6 +138,23 @@ fn array(holds: &str, cells: &Bound<'_, PyAny>) -> Result<ArrayRef, Failure> {
     })
 }
 
+/// Texts made between two looks at whether the user wants to stop.
+const TEXTS_PER_LOOK: usize = 1 << 16;
+
+fn texts(py: Python<'_>, cells: Vec<String>) -> PyResult<Bound<'_, PyList>> {
+    if cells.len() <= TEXTS_PER_LOOK {
+        return PyList::new(py, cells);
+    }
+    let list = PyList::empty(py);
+    for (row, cell) in cells.into_iter().enumerate() {
+        if row % TEXTS_PER_LOOK == 0 {
+            py.check_signals()?;
+        }
+        list.append(cell)?;
+    }
+    Ok(list)
+}
+
 /// Columns for `helio_py._tables`.
 pub(crate) fn handed_out<'py>(
     py: Python<'py>,
@@ -151,7 +168,7 @@ pub(crate) fn handed_out<'py>(
             owned(py, cells, &[len])
         };
         let (holds, cells) = match cells {
-            KeptCells::Text(cells) => ("text", PyList::new(py, cells)?.into_any()),
+            KeptCells::Text(cells) => ("text", texts(py, cells)?.into_any()),
             KeptCells::Numbers(cells) => {
                 let len = cells.len();
                 ("numbers", owned(py, cells, &[len])?)

@@ -118,6 +118,8 @@ def calls(tmp_path: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]
         "air_temperature_c": np.full(3, 20.0),
     }
     report = hp.accuracy(spots, slant_m=100.0, weather=weather)
+    images = hp.simulate_images(frames=1, size=(40, 30))
+    campaign = hp.simulate_campaign(minutes=1, frames_per_s=2)
     encoder = hp.Drive.encoder(1000.0)
     sun = {"sun_azimuth_rad": 3.0, "sun_elevation_rad": 0.8}
     none = dict.fromkeys
@@ -164,6 +166,21 @@ def calls(tmp_path: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]
         "simulate_observations": (hp.simulate_observations, {"field": field, "heliostats": 1, "count": 2, "seed": 1,
             "from_time": NOON, "to_time": "2027-01-01T00:00:00Z", "hours": (0, 24), "noise_mrad": 0.5, "outliers": 0.0,
             "jumps": (), "random_errors": False, "steps": False, **none(("targets", "days", "progress"))}),
+        "simulate_images": (hp.simulate_images, {"out": tmp_path / "images", "frames": 1, "size": (40, 30), "bits": 8,
+            "seed": 1, "width_m": 8.0, "height_m": 7.0, "marks": "four-corners", "shape": "facets", "beam_m": 0.6,
+            "find_marks": False, **dict.fromkeys(("peak", "daylight", "gradient", "shadow", "texture", "noise", "turn_deg",
+            "tilt_deg", "roll_deg", "distortion", "second", "stray"), 0.1), **none(("empty_every", "progress"))}),
+        "simulate_images in memory": (hp.simulate_images, {"frames": 2, "size": (40, 30)}),
+        "simulate_images of observations": (hp.simulate_images, {"observations": seen.observations, "size": (40, 30)}),
+        "SimulatedImages.to_table": (images.to_table, {"kind": "dict", "of": "truth"}),
+        "simulate_campaign": (hp.simulate_campaign, {"seed": 1, "minutes": 1, "frames_per_s": 2, "slant_m": 100.0,
+            "calm_mrad": 0.5, "gust_mrad": 1.0, "memory_s": 0.3, "empty": 0.0}),
+        "SimulatedCampaign.to_table": (campaign.to_table, {"kind": "dict", "of": "spots"}),
+        "SimulatedCampaign.write_spots": (campaign.write_spots, {"path": tmp_path / "cs.csv"}),
+        "SimulatedCampaign.write_weather": (campaign.write_weather, {"path": tmp_path / "cw.csv"}),
+        "init": (hp.init, {"folder": tmp_path / "new", "force": True}),
+        "schema": (hp.schema, {"of": "field"}),
+        "Field.check": (field.check, {"time": NOON, "progress": None}),
         "find_spot": (hp.find_spot, {"image": frame(), "target": TARGET, "method": "robust", **none(
             ("threshold", "expected", "white"))}),
         "find_spots": (hp.find_spots, {"images": frames, "target": TARGET, **none(("times", "names", "progress"))}),

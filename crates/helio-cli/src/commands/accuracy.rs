@@ -2,11 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use helio_io::output::{Cells, Destination, write_columns};
+use helio_io::output::Destination;
 use helio_io::{
-    AtomicFile, Campaign, CampaignAsked, JudgedCampaign, SpotRow as FileRow, SpotTable,
-    format_time, hash_file, load_campaign, load_limits, load_spots, load_weather, write_file,
-    write_spots,
+    AtomicFile, Campaign, CampaignAsked, JudgedCampaign, SimulatedCampaign, SpotTable, format_time,
+    hash_file, load_campaign, load_limits, load_spots, load_weather, write_file,
 };
 use helio_report::accuracy::{AccuracyPage, accuracy_page};
 use helio_spot::SpotStatus;
@@ -306,39 +305,14 @@ pub(crate) fn simulate_campaign(
         empty: args.empty,
         ..simulate::Campaign::default()
     };
-    let (spots, weather) = campaign.simulate();
-    let rows: Vec<FileRow> = spots
-        .iter()
-        .enumerate()
-        .map(|(frame, spot)| FileRow {
-            at_m: spot.spot_m,
-            sigma_m: spot.sigma_m,
-            ..FileRow::without_position(format!("frame {frame}"), spot.unix_ns, spot.status)
-        })
-        .collect();
+    let seen = SimulatedCampaign::of(&campaign);
     let to = |path: &Path| Destination::File(path.to_owned());
-    write_spots(to(&args.spots), spots_format, &rows)?;
-    let times: Vec<Option<i64>> = weather.unix_ns.iter().copied().map(Some).collect();
-    let columns = [
-        ("time", Cells::Times(&times)),
-        (
-            "wind_m_s",
-            Cells::Numbers(weather.wind_m_s.first().map_or(&[], Vec::as_slice)),
-        ),
-        (
-            "dni_w_m2",
-            Cells::Numbers(weather.dni_w_m2.as_deref().unwrap_or_default()),
-        ),
-        (
-            "air_temperature_c",
-            Cells::Numbers(weather.air_temperature_c.as_deref().unwrap_or_default()),
-        ),
-    ];
-    write_columns(to(&args.weather), weather_format, &columns)?;
+    seen.write_spots(to(&args.spots), spots_format)?;
+    seen.write_weather(to(&args.weather), weather_format)?;
     printer.say(format_args!(
         "{} and {}",
-        Counted(rows.len(), "frame"),
-        Counted(times.len(), "weather row")
+        Counted(seen.spots.len(), "frame"),
+        Counted(seen.weather.unix_ns.len(), "weather row")
     ));
     Ok(Outcome::Good)
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use helio_core::angle::radians;
-use helio_core::sun::{SunError, SunSite};
+use helio_core::sun::{SunError, SunPositions, SunSite, positions};
 use helio_core::{Enu, EnuUnit, TargetPlane};
 
 use crate::error::{IoError, Problem};
@@ -47,6 +47,15 @@ impl Site {
             site = site.with_temperature_c(temperature_c)?;
         }
         Ok(site)
+    }
+
+    /// Where the sun stands over the site at instants \[ns of Unix time\], by its own clock.
+    ///
+    /// # Errors
+    /// [`SunError`] for instants outside the years of the algorithm.
+    pub fn sun_positions(&self, unix_ns: &[i64]) -> Result<SunPositions, SunError> {
+        let ut1_utc_s = self.ut1_utc_s.unwrap_or(0.0);
+        positions(&self.sun_site()?, unix_ns, self.delta_t_s, ut1_utc_s)
     }
 
     pub(super) fn parse(site: &Section<'_>) -> Result<Self, IoError> {

@@ -101,6 +101,19 @@ pub enum KeptCells {
     Times(Vec<Option<i64>>),
 }
 
+impl KeptCells {
+    /// The same cells, to be written.
+    #[must_use]
+    pub fn cells(&self) -> Cells<'_> {
+        match self {
+            Self::Text(cells) => Cells::Text(cells),
+            Self::Numbers(cells) => Cells::Numbers(cells),
+            Self::Whole(cells) => Cells::Whole(cells),
+            Self::Times(cells) => Cells::Times(cells),
+        }
+    }
+}
+
 impl From<Cells<'_>> for KeptCells {
     fn from(cells: Cells<'_>) -> Self {
         match cells {

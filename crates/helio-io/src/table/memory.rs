@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use arrow::array::RecordBatch;
 use arrow::datatypes::SchemaRef;
 
-use super::parquet::{Columns, columns_of};
+use super::parquet::{Arrays, Columns, columns_of};
 use crate::error::{IoError, Place, Problem};
 use crate::hash::Sha256;
+use crate::output::KeptCells;
 
 /// A table in memory, as Arrow has it, to be read as if it were a file.
 ///
@@ -133,6 +134,21 @@ impl<'a> From<&'a MemoryTable> for TableSource<'a> {
 }
 
 impl Columns {
+    /// The cells of a column; none of a kind that no key wants.
+    pub(super) fn kept(&self, column: usize) -> Option<KeptCells> {
+        Some(match self.arrays(column) {
+            Arrays::Float(values) => {
+                KeptCells::Numbers(values.iter().map(|v| v.unwrap_or(f64::NAN)).collect())
+            }
+            Arrays::Whole(values) => KeptCells::Whole(values.iter().collect()),
+            Arrays::Time(values) => KeptCells::Times(values.iter().collect()),
+            Arrays::Text(values) => {
+                KeptCells::Text(values.iter().map(|v| v.unwrap_or("").to_owned()).collect())
+            }
+            Arrays::Other(_) => return None,
+        })
+    }
+
     /// Takes the cells of a column in, where each is and what it is.
     fn hash(&self, column: usize, hash: &mut Sha256) {
         let mut add = |there: bool, bytes: &[u8]| {
@@ -140,27 +156,27 @@ impl Columns {
             hash.update(bytes);
         };
         match self.arrays(column) {
-            super::parquet::Arrays::Float(values) => {
+            Arrays::Float(values) => {
                 values
                     .iter()
                     .for_each(|v| add(v.is_some(), &v.unwrap_or(0.0).to_le_bytes()));
             }
-            super::parquet::Arrays::Whole(values) => {
+            Arrays::Whole(values) => {
                 values
                     .iter()
                     .for_each(|v| add(v.is_some(), &v.unwrap_or(0).to_le_bytes()));
             }
-            super::parquet::Arrays::Time(values) => {
+            Arrays::Time(values) => {
                 values
                     .iter()
                     .for_each(|v| add(v.is_some(), &v.unwrap_or(0).to_le_bytes()));
             }
-            super::parquet::Arrays::Text(values) => values.iter().for_each(|v| {
+            Arrays::Text(values) => values.iter().for_each(|v| {
                 let text = v.unwrap_or("");
                 add(v.is_some(), &(text.len() as u64).to_le_bytes());
                 add(true, text.as_bytes());
             }),
-            super::parquet::Arrays::Other(kind) => add(false, kind.as_bytes()),
+            Arrays::Other(kind) => add(false, kind.as_bytes()),
         }
     }
 }

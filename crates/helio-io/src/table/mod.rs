@@ -17,6 +17,7 @@ use self::parquet::Columns;
 use self::text::Records;
 use crate::error::{IoError, Place, Problem, quoted};
 use crate::keys::{Key, Kind, names};
+use crate::output::KeptCells;
 use crate::times;
 use crate::toml::check_name;
 
@@ -157,6 +158,14 @@ impl Table {
         };
         let cell = |row| records.cell(row, column).to_owned();
         Some((0..self.rows).map(cell).collect())
+    }
+
+    /// Cells of a column of a table in memory; nothing of a file of text, nor of a column of a kind that nobody reads.
+    pub(crate) fn kept(&self, column: usize) -> Option<KeptCells> {
+        match &self.cells {
+            Cells::Text(_) => None,
+            Cells::Parquet(columns) => columns.kept(column),
+        }
     }
 
     fn cell_error(&self, row: usize, cell: Cell<'_>, problem: Problem) -> IoError {

@@ -19,7 +19,9 @@ import typing as _typing
 import warnings as _warnings
 
 from helio_py._accuracy import Accuracy, AccuracyFigure, accuracy
+from helio_py._begin import FieldCheck, init, schema
 from helio_py._calibrate import Calibration, calibrate
+from helio_py._campaign import SimulatedCampaign, simulate_campaign
 from helio_py._errors import (
     AngleError,
     BusyError,
@@ -53,6 +55,7 @@ from helio_py._errors import (
     UnknownNameError,
 )
 from helio_py._flux import CameraFlux, FluxAccount, SlopeErrors, TargetMap, flux
+from helio_py._images import SimulatedImages, simulate_images
 from helio_py._joint import JointCalibration
 from helio_py._native import Drive, Field, Flux, Tracking, __version__, _optimised, forward, sun_position, track
 from helio_py._predict import Prediction, predict
@@ -145,3 +148,5 @@ __all__ += ["JointCalibration"]
 __all__ += ["Paint", "convert_paint"]
 __all__ += ["SimulatedObservations", "simulate_field", "simulate_observations"]
 __all__ += ["Accuracy", "AccuracyFigure", "Spot", "Spots", "accuracy", "find_spot", "find_spots"]
+__all__ += ["SimulatedCampaign", "SimulatedImages", "simulate_campaign", "simulate_images"]
+__all__ += ["FieldCheck", "init", "schema"]

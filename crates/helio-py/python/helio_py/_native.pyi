@@ -6,6 +6,7 @@ from typing import Any, Final, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from helio_py._begin import FieldCheck
 from helio_py._flux import FluxAccount, SlopeErrors
 from helio_py._sun import SunPosition
 
@@ -179,6 +180,9 @@ class Field:
         self, axis1_steps: ArrayLike, axis2_steps: ArrayLike
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
     def sun_position(self, times: Any) -> SunPosition: ...
+    def check(
+        self, time: Any | None = None, *, progress: Callable[[int, int], Any] | bool | None = None
+    ) -> FieldCheck: ...
     @property
     def warnings(self) -> list[str]: ...
     @property
@@ -359,6 +363,16 @@ def _simulate_field(
 def _simulate_observations(
     field: Field, asked: dict[str, Any], progress: Callable[[int, int], Any] | None
 ) -> _Campaign: ...
+def _simulate_images(
+    observations: Any | None,
+    asked: dict[str, Any],
+    out: str | PathLike[str] | None,
+    progress: Callable[[int, int], Any] | None,
+) -> dict[str, Any]: ...
+def _simulate_campaign(asked: dict[str, Any]) -> dict[str, Any]: ...
+def _init(folder: str | PathLike[str], force: bool) -> Path: ...
+def _schema(of: str) -> str: ...
+def _check_field(field: Field, unix_ns: int | None, progress: Callable[[int, int], Any] | None) -> dict[str, Any]: ...
 
 @final
 class _Campaign:

@@ -38,6 +38,8 @@ enum Source {
     },
     Files {
         path: PathBuf,
+        /// Every file read, as it was named.
+        named: Vec<PathBuf>,
         hashes: Vec<String>,
     },
 }
@@ -69,6 +71,7 @@ impl Inner {
     }
 
     fn loaded_from(path: &Path, mut loaded: LoadedField) -> Result<Self, Failure> {
+        let named = loaded.files.clone();
         // Whoever asks again may stand in another folder.
         let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.into());
         for file in &mut loaded.files {
@@ -76,7 +79,12 @@ impl Inner {
         }
         let hashes: Result<_, _> = loaded.files.iter().map(|file| hash_file(file)).collect();
         let (path, hashes) = (absolute(path), hashes?);
-        Self::new(loaded, Source::Files { path, hashes })
+        let source = Source::Files {
+            path,
+            named,
+            hashes,
+        };
+        Self::new(loaded, source)
     }
 
     fn new(loaded: LoadedField, source: Source) -> Result<Self, Failure> {
@@ -136,6 +144,14 @@ impl Inner {
         self.loaded.site.as_ref()
     }
 
+    /// Every file read, as whoever asked for the first of them named it.
+    pub(crate) fn named(&self) -> &[PathBuf] {
+        match &self.source {
+            Source::Columns { .. } => &[],
+            Source::Files { named, .. } => named,
+        }
+    }
+
     /// A field on whose targets spots are seen.
     ///
     /// # Errors
@@ -189,7 +205,7 @@ impl Inner {
     pub(crate) fn read_from(&self) -> Option<(&Path, &[String])> {
         match &self.source {
             Source::Columns { .. } => None,
-            Source::Files { path, hashes } => Some((path, hashes)),
+            Source::Files { path, hashes, .. } => Some((path, hashes)),
         }
     }
 
