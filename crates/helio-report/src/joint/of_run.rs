@@ -142,7 +142,7 @@ impl Source<'_> {
                     return Some(Err(stopped));
                 }
                 let zeros = self.all.zero_points(*index).transpose()?;
-                Some(zeros.map(|zeros| (line, zeros)).map_err(RunError::from))
+                Some(zeros.map(|zeros| (line, zeros)))
             })
             .collect();
         for (line, zeros) in found? {
