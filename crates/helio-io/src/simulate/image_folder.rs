@@ -47,13 +47,13 @@ impl SimulatedImages {
         folder: &Path,
         watch: &(dyn Fn(u64, u64) -> bool + Sync),
     ) -> Result<Vec<Truth>, ImagesError> {
+        let earlier = check_folder(folder, self.len(), self.log.is_some())?;
+        std::fs::create_dir_all(folder).map_err(|error| IoError::write(folder, error))?;
         let all = self.len() as u64;
         // Threads may have been busy until now: whoever has gone meanwhile loses nothing.
         if !watch(0, all) {
             return Err(ImagesError::Stopped);
         }
-        let earlier = check_folder(folder, self.len(), self.log.is_some())?;
-        std::fs::create_dir_all(folder).map_err(|error| IoError::write(folder, error))?;
         for name in &earlier.more {
             let path = folder.join(name);
             std::fs::remove_file(&path).map_err(|error| IoError::write(&path, error))?;
