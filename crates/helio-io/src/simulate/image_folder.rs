@@ -49,11 +49,15 @@ impl SimulatedImages {
     ) -> Result<Vec<Truth>, ImagesError> {
         let earlier = check_folder(folder, self.len(), self.log.is_some())?;
         std::fs::create_dir_all(folder).map_err(|error| IoError::write(folder, error))?;
+        let all = self.len() as u64;
+        // Threads may have been busy until now: whoever has gone meanwhile loses nothing.
+        if !watch(0, all) {
+            return Err(ImagesError::Stopped);
+        }
         for name in &earlier.more {
             let path = folder.join(name);
             std::fs::remove_file(&path).map_err(|error| IoError::write(&path, error))?;
         }
-        let all = self.len() as u64;
         let truths: Vec<Result<Truth, ImagesError>> = (1..=self.len())
             .into_par_iter()
             .map(|number| {

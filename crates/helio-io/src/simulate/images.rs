@@ -379,5 +379,11 @@ mod tests {
         let stopped = images.write(folder.path(), &|_, _| false);
         assert!(matches!(stopped, Err(ImagesError::Stopped)));
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+        // What an earlier call wrote is all there still.
+        images.write(folder.path(), &|_, _| true).unwrap();
+        let fewer = SimulatedImages::new(plan(1, [30, 20])).unwrap();
+        let stopped = fewer.write(folder.path(), &|_, _| false);
+        assert!(matches!(stopped, Err(ImagesError::Stopped)));
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 5);
     }
 }
