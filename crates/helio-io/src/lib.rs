@@ -21,6 +21,7 @@ mod atomic;
 pub mod calibrate;
 mod calibrated;
 mod campaign;
+mod corrections;
 mod error;
 mod field;
 mod finding;
@@ -47,6 +48,7 @@ mod table;
 mod target;
 mod times;
 mod toml;
+mod verify;
 mod words;
 
 pub use atomic::{AtomicFile, remove_unfinished_files, write_file, write_file_with};
@@ -58,6 +60,7 @@ pub use campaign::{
     Campaign, Instrument, campaign_of_text, limits_of_text, limits_toml, load_campaign,
     load_limits, load_weather,
 };
+pub use corrections::{Corrected, Corrections, CorrectionsError, OtherCalibration};
 pub use error::{IoError, Place, Problem};
 pub use field::{
     CalibrationSchedule, Lapse, LoadedField, ObservationColumns, Site, Target, TargetArea,
@@ -100,4 +103,5 @@ pub use state::{
 pub use table::{MemoryTable, PARQUET_THREAD, TableSource};
 pub use target::{CameraTarget, load_target, target_of_text, target_toml};
 pub use times::{TimeRange, degrees_as_written, format_time, parse_step, parse_time};
+pub use verify::{BeamsBack, beyond_drives, by_row, tracked_numbers};
 pub use words::{Counted, Grouped};

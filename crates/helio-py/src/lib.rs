@@ -3,7 +3,7 @@
 //! The package's own documentation is in its doc strings, which begin here as the comments above each
 //! function and class, in the form that Python's readers know (numpydoc).
 //!
-//! One file per subject: `field`, `track`, `forward`, `sun`, `drive`, `predict`, `calibrate`, `joint`, `spots`, `accuracy`,
+//! One file per subject: `field`, `track`, `correct`, `verify`, `forward`, `sun`, `drive`, `predict`, `calibrate`, `joint`, `spots`, `accuracy`,
 //! `flux`, `simulate`; below
 //! them what they share: `array` (NumPy in and out), `table` (tables in and out), `rows` (answers as tables), `failure` (errors), `pool` (threads,
 //! and forks), `guard` (panics), `slab` (memory of answers), `watch` (progress and Ctrl-C of long work).
@@ -16,6 +16,7 @@
 mod accuracy;
 mod array;
 mod calibrate;
+mod correct;
 mod drive;
 mod failure;
 mod field;
@@ -33,6 +34,7 @@ mod spots;
 mod sun;
 mod table;
 mod track;
+mod verify;
 mod watch;
 
 use pyo3::prelude::*;
@@ -64,6 +66,10 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<simulate::PyCampaign>()?;
     module.add_function(wrap_pyfunction!(simulate::_simulate_field, module)?)?;
     module.add_function(wrap_pyfunction!(simulate::_simulate_observations, module)?)?;
+
+    module.add_function(wrap_pyfunction!(correct::_correct, module)?)?;
+    module.add_function(wrap_pyfunction!(verify::_verify, module)?)?;
+    module.add_function(wrap_pyfunction!(rows::_tracked_table, module)?)?;
 
     module.add_function(wrap_pyfunction!(predict::_predict, module)?)?;
     module.add_function(wrap_pyfunction!(rows::_landed_table, module)?)?;

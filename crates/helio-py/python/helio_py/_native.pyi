@@ -39,6 +39,31 @@ def sun_position(
     delta_t_s: float | None = None,
     ut1_utc_s: float = 0.0,
 ) -> SunPosition: ...
+def _correct(
+    field: Field,
+    columns: list[Any],
+    status: NDArray[np.uint8],
+    leftovers: Any,
+    progress: Callable[[int, int], Any] | None,
+) -> dict[str, Any]: ...
+def _verify(
+    field: Field,
+    columns: list[Any],
+    status: NDArray[np.uint8],
+    sun_azimuth_rad: ArrayLike,
+    sun_elevation_rad: ArrayLike,
+    times: Any | None,
+) -> list[Any]: ...
+def _tracked_table(
+    field: Field,
+    columns: list[Any],
+    status: NDArray[np.uint8],
+    parts: tuple[bool, bool],
+    kind: str,
+    times: Any | None,
+    sun_azimuth_rad: ArrayLike | None,
+    sun_elevation_rad: ArrayLike | None,
+) -> Any: ...
 def _predict(
     field: Field,
     azimuth_rad: ArrayLike,
