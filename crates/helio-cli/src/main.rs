@@ -4,11 +4,9 @@
 
 mod args;
 mod calibration_page;
-mod clock;
 mod commands;
 mod comparison;
 mod failure;
-mod overlay;
 mod plan;
 mod plot;
 mod printer;

@@ -67,8 +67,9 @@ pub use field::{
     load_field, load_field_calibrated,
 };
 pub use finding::{
-    FinderRoom, SeenInFrame, SpotFinder, SpotMethod, SpotWords, UselessOption, parse_threshold,
-    read_frame,
+    FinderRoom, FrameClock, FrameGap, FrameNumberError, OverlayError, OverlayFolder, RawFrames,
+    SeenInFrame, SpotFinder, SpotMethod, SpotWords, UselessOption, frame_gap, frame_of_file,
+    parse_raw, parse_size, parse_threshold, read_frame,
 };
 pub use finished::Finished;
 pub use flux::{

@@ -80,7 +80,9 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(table::_write_text, module)?)?;
 
     module.add_function(wrap_pyfunction!(spots::_find_spots, module)?)?;
+    module.add_function(wrap_pyfunction!(spots::_find_raw_spots, module)?)?;
     module.add_function(wrap_pyfunction!(spots::_frame_files, module)?)?;
+    module.add_function(wrap_pyfunction!(spots::_frame_times, module)?)?;
     module.add_function(wrap_pyfunction!(spots::_pixels_read, module)?)?;
     module.add_class::<accuracy::PyJudged>()?;
     module.add_function(wrap_pyfunction!(accuracy::_accuracy, module)?)?;

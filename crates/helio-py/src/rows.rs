@@ -196,10 +196,12 @@ pub(crate) fn table_of_angles<'py>(
     let loaded = inner.loaded().filter(|loaded| loaded.has_drives());
     let numbers = tracked_numbers(loaded.is_some(), leftovers, verified);
     let steps = match loaded {
-        Some(LoadedField { drives, .. }) => pool::run(|| {
-            [0, 1].map(|axis| by_row(drives, columns[axis], |of, angle| of[axis]?.steps(angle)))
-        })?
-        .to_vec(),
+        Some(LoadedField { drives, .. }) => {
+            let steps = || {
+                [0, 1].map(|axis| by_row(drives, columns[axis], |of, angle| of[axis]?.steps(angle)))
+            };
+            field.py().detach(|| pool::run(steps))?.to_vec()
+        }
         None => Vec::new(),
     };
     let (first, rest) = columns.split_at(4.min(columns.len()));

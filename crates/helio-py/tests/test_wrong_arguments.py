@@ -166,7 +166,10 @@ def calls(tmp_path: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]
             "jumps": (), "random_errors": False, "steps": False, **none(("targets", "days", "progress"))}),
         "find_spot": (hp.find_spot, {"image": frame(), "target": TARGET, "method": "robust", **none(
             ("threshold", "expected", "white"))}),
-        "find_spots": (hp.find_spots, {"images": frames, "target": TARGET, **none(("times", "names", "progress"))}),
+        "find_spots": (hp.find_spots, {"images": frames, "target": TARGET, "numbered": False, **none(("times", "names",
+            "raw", "start", "fps", "overlay", "progress"))}),
+        "find_spots of video": (hp.find_spots, {"images": frame().tobytes(), "target": TARGET, "raw": "80x60",
+            "start": NOON, "fps": 1.0, "overlay": tmp_path / "seen", "progress": None}),
         "Spots.to_table": (spots.to_table, {"kind": "dict"}),
         "Spots.write": (spots.write, {"path": tmp_path / "s.csv"}),
         "accuracy": (hp.accuracy, {"spots": spots, "slant_m": 100.0, "weather": weather, "aim_m": (0, 0), "accept": (),
