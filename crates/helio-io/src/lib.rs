@@ -38,6 +38,7 @@ mod meshes;
 mod observations;
 pub mod output;
 mod pictures;
+mod predicting;
 mod scene;
 mod schema;
 mod simulate;
@@ -87,6 +88,7 @@ pub use observations::{
     load_observations_with_spots,
 };
 pub use pictures::{write_frame, write_rgb};
+pub use predicting::{RowPredictor, RowPredictorError};
 pub use scene::{
     FluxScene, MirrorPart, SceneMethod, SceneMirror, SceneOf, SceneRays, SceneSun, SceneUnit,
     SunForm, load_scene, scene_of_text,

@@ -80,7 +80,7 @@ impl JointWords {
             return Err(Failure::of("OptionError", "plan", message));
         }
         if let Some(state) = &self.state {
-            AtomicFile::check(state)?;
+            AtomicFile::check(state).map_err(|error| Failure::from(error).or_of("state"))?;
             let read = given.into_iter().flatten().filter_map(|given| match given {
                 Given::File(path) => Some(path),
                 Given::Memory(_) => None,
@@ -169,10 +169,15 @@ fn found(
         said.push(in_keywords(&words));
     };
     let following = match &words.update {
-        Some((name, None)) => Some(Following::begin(name, read_state(name)?, loaded, &say)?),
-        Some((name, Some(bytes))) => {
-            let state = state_of_bytes(name, bytes.clone())?;
-            Some(Following::begin(name, state, loaded, &say)?)
+        Some((name, bytes)) => {
+            let begun = || {
+                let state = match bytes {
+                    None => read_state(name)?,
+                    Some(bytes) => state_of_bytes(name, bytes.clone())?,
+                };
+                Ok::<_, Failure>(Following::begin(name, state, loaded, &say)?)
+            };
+            Some(begun().map_err(|failure| failure.or_of("update"))?)
         }
         None => None,
     };
@@ -201,7 +206,8 @@ fn found(
         say: &say,
         watch: &watch,
     };
-    run.check_times(following.is_some())?;
+    let of_records = |error| Failure::from(error).or_of("observations");
+    run.check_times(following.is_some()).map_err(of_records)?;
     let provenance = Provenance {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         solver: if following.is_some() {
@@ -220,13 +226,16 @@ fn found(
         },
     };
     let all = match following {
-        Some(following) => run.update(following, proposals.is_some())?,
+        Some(following) => {
+            let all = run.update(following, proposals.is_some());
+            all.map_err(of_records)?
+        }
         None => run.fit()?,
     };
     let told = told(&run, &all, &provenance, proposals.as_ref(), words)?;
     if let Some(path) = &words.state {
         // the state goes last: where anything failed, the same records can be given again
-        write_file(path, &told.state)?;
+        write_file(path, &told.state).map_err(|error| Failure::from(error).or_of("state"))?;
     }
     let said = said.into_inner().unwrap_or_else(PoisonError::into_inner);
     let warnings = observations.warnings.iter().cloned();

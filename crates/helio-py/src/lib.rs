@@ -72,6 +72,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(rows::_tracked_table, module)?)?;
 
     module.add_function(wrap_pyfunction!(predict::_predict, module)?)?;
+    module.add_function(wrap_pyfunction!(predict::_predict_rows, module)?)?;
     module.add_function(wrap_pyfunction!(rows::_landed_table, module)?)?;
     module.add_function(wrap_pyfunction!(rows::_angles, module)?)?;
     module.add_function(wrap_pyfunction!(calibrate::_calibrate, module)?)?;

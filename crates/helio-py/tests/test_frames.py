@@ -93,6 +93,7 @@ def test_raw_video_comes_from_anywhere(tmp_path: Path) -> None:
     path = tmp_path / "video.raw"
     path.write_bytes(bytes_)
     want = hp.find_spots(stack(), TARGET)
+    told: list[int] = []
     child = subprocess.Popen(
         [sys.executable, "-c", f"import sys; sys.stdout.buffer.write(open({str(path)!r}, 'rb').read())"],
         stdout=subprocess.PIPE,
@@ -103,8 +104,8 @@ def test_raw_video_comes_from_anywhere(tmp_path: Path) -> None:
             np.frombuffer(bytes_, np.uint8), io.BytesIO(bytes_), file, Drip(bytes_), child.stdout,
         ]  # fmt: skip
         for source in sources:
-            told: list[int] = []
-            found = hp.find_spots(source, TARGET, raw="160x120", progress=lambda done, _, to=told: to.append(done))
+            told.clear()
+            found = hp.find_spots(source, TARGET, raw="160x120", progress=lambda done, _: told.append(done))
             assert found.file == [f"frame {k}" for k in range(6)]
             assert all(same(one, other) for one, other in zip(found, want, strict=True)), source
             assert told[-1] == 6

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from helio_py._checked import flag, number, of, path, wrong_type, wrong_value
-from helio_py._errors import HelioError, ShapeError
+from helio_py._errors import ShapeError
 from helio_py._native import _frame_times
 
 
@@ -42,21 +42,9 @@ def clock(start: Any, fps: Any, numbered: Any, times: Any) -> tuple[int, float] 
         raise wrong_value(missing, f"wanted with {there}: the times of frames want both")
     if times is not None:
         raise wrong_value("times", "with start and fps: one of both says when frames were taken")
-    return _instant(start), number("fps", fps, 1e-6, 1e6, "frames per second")
+    from helio_py._times import instant  # which brings more of NumPy with it than most calls want
 
-
-def _instant(start: Any) -> int:
-    from helio_py._times import unix_ns  # which brings more of NumPy with it than most calls want
-
-    try:
-        found = unix_ns(start)
-    except HelioError as error:
-        error.args = (str(error).replace("times: ", "start: ", 1),)
-        error.field = "start"
-        raise
-    if found.ndim:
-        raise of(ShapeError(f"start: expected one instant, got an array of shape {found.shape}"), "start")
-    return int(found)
+    return instant("start", start), number("fps", fps, 1e-6, 1e6, "frames per second")
 
 
 def times_of(

@@ -72,6 +72,13 @@ def _predict(
     sun_elevation_rad: ArrayLike,
     times: Any | None,
 ) -> list[Any]: ...
+def _predict_rows(
+    field: Field,
+    heliostat: list[int],
+    angles: Sequence[NDArray[np.float64]],
+    suns: Sequence[Any],
+    unix_ns: list[int] | None,
+) -> list[Any]: ...
 def _landed_table(
     field: Field,
     landed: list[Any],
