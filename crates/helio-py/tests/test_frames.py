@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import concurrent.futures as futures
 import datetime as dt
 import io
 import mmap
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 import helio_py as hp
+from conftest import random_field, same_bits
 from test_spots import TARGET, frame, same
 
 START = "2026-06-21T14:00:00+02:00"
@@ -264,6 +266,25 @@ def test_a_single_file_that_is_not_there_is_a_wrong_call(tmp_path: Path) -> None
     assert twice.warnings[0].startswith("1 file named more than once and taken once, first ")
 
 
+def test_others_work_while_a_stream_is_waited_for() -> None:
+    """Threads of the pool are for all."""
+    read, write = os.pipe()
+    bytes_ = stack().tobytes()
+    field = random_field(500)
+    suns = np.linspace(2.0, 4.0, 400), np.full(400, 0.8)
+    want = hp.track(field, *suns)
+    with futures.ThreadPoolExecutor(1) as other, os.fdopen(read, "rb") as stream:
+        with os.fdopen(write, "wb") as begun:
+            waiting = other.submit(hp.find_spots, stream, TARGET, raw="160x120")
+            for part in range(0, len(bytes_), 30_000):
+                begun.write(bytes_[part : part + 30_000])
+                begun.flush()
+                assert same_bits(hp.track(field, *suns), want)  # 200,000 rows, on all threads
+            assert not waiting.done()
+        found = waiting.result(timeout=60)
+    assert found.status == ["ok"] * 6
+
+
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="timers of POSIX")
 @pytest.mark.parametrize("source", ["file", "pipe"])
 def test_ctrl_c_does_not_wait_for_a_stream_that_stalls(source: str) -> None:
@@ -286,8 +307,12 @@ def test_ctrl_c_does_not_wait_for_a_stream_that_stalls(source: str) -> None:
             hp.find_spots(source, target, raw="160x120")
         except KeyboardInterrupt:
             print("stopped", flush=True)
+        # What is left behind keeps nobody else from working.
+        field = hp.Field([[0, 90, 6]] * 500, [0, 0, 120])
+        hp.track(field, [3.0] * 400, [0.8] * 400)
+        print("tracked", flush=True)
         os._exit(0)  # as the pipe is never closed
         """
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False, timeout=60)
-    assert done.stdout == "stopped\n", done.stderr
+    assert done.stdout == "stopped\ntracked\n", done.stderr

@@ -4,13 +4,15 @@ use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::sync_channel;
 use std::sync::{Arc, Mutex, PoisonError};
+use std::{iter, thread};
 
 use helio_io::{
     CameraTarget, FinderRoom, FrameClock, IoError, OverlayFolder, RawFrames, SeenInFrame,
     SpotFinder, SpotMethod, SpotRow, parse_raw,
 };
-use helio_spot::{Limits, RawFormat, RawVideo};
+use helio_spot::{Frame, Limits, RawFormat, RawVideo, VideoError};
 use numpy::PyReadonlyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -19,10 +21,13 @@ use rayon::prelude::*;
 use super::{Called, Finding, SpotsAsked, answer};
 use crate::failure::Failure;
 use crate::guard::guarded;
-use crate::watch::{watched, watched_or_left};
+use crate::pool;
+use crate::watch::{watched, watched_alone_or_left};
 
 /// Bytes asked of Python at once.
 const CHUNK: usize = 1 << 20;
+/// Frames that may wait to be looked at: of so many bytes together, one at least and so many at most.
+const WAITING: (u64, u64) = (1 << 28, 16);
 
 /// How the frames of a video are looked at.
 struct Video {
@@ -69,7 +74,7 @@ pub(crate) fn _find_raw_spots<'py>(
             let length = file.metadata().ok().filter(|of| of.is_file());
             let total = length.map(|of| of.len().div_ceil(video.frame_bytes()));
             // Reading may take as long as whoever writes into a pipe.
-            watched_or_left(py, progress.as_ref(), move |watch| {
+            watched_alone_or_left(py, progress.as_ref(), move |watch| {
                 video.spots(file, total, watch)
             })??
         } else {
@@ -79,7 +84,7 @@ pub(crate) fn _find_raw_spots<'py>(
                 raised: Arc::clone(&raised),
             };
             let file = BufReader::with_capacity(CHUNK, file);
-            let found = watched_or_left(py, progress.as_ref(), move |watch| {
+            let found = watched_alone_or_left(py, progress.as_ref(), move |watch| {
                 video.spots(file, None, watch)
             })?;
             let raised = raised.lock().unwrap_or_else(PoisonError::into_inner).take();
@@ -125,43 +130,71 @@ impl Video {
     }
 
     /// What is in each frame, in their order, until `watch` wants an end.
+    ///
+    /// A thread of its own reads, so that threads of the pool, which others want too, wait for no stream.
     fn spots<R: Read + Send>(
         &self,
         reader: R,
         total: Option<u64>,
         watch: &(dyn Fn(u64, u64) -> bool + Sync),
     ) -> Result<Vec<(SpotRow, SeenInFrame)>, Failure> {
+        let video = self.of(reader);
+        let video = video.map_err(|error| Failure::of("OptionError", "raw", error))?;
+        let waiting = (WAITING.0 / self.frame_bytes()).clamp(1, WAITING.1) as usize;
+        let read = AtomicU64::new(0);
+        let watch = |more: u64| watch(more, total.unwrap_or_else(|| read.load(Ordering::Relaxed)));
+        let (send, frames) = sync_channel(waiting);
+        let reading = || {
+            for frame in video.enumerate() {
+                read.fetch_add(1, Ordering::Relaxed);
+                if !watch(0) || send.send(frame).is_err() {
+                    break;
+                }
+            }
+            drop(send);
+        };
         let finding = Finding {
             finder: SpotFinder::new(&self.target, self.method.clone()),
             overlay: self.overlay.clone(),
             alone: false,
         };
-        let video = self.of(reader);
-        let video = video.map_err(|error| Failure::of("OptionError", "raw", error))?;
-        let read = AtomicU64::new(0);
-        let all = || total.unwrap_or_else(|| read.load(Ordering::Relaxed));
-        let frames = video.enumerate().take_while(|_| {
-            read.fetch_add(1, Ordering::Relaxed);
-            watch(0, all())
-        });
-        // Each thread asks for the next frame when it is done with one: no more are in memory than threads.
-        let mut found = frames
-            .par_bridge()
-            .map_init(FinderRoom::default, |room, (index, frame)| {
-                let called = Called {
-                    index,
-                    file: format!("frame {index}"),
-                    unix_ns: self.clock.as_ref().map(|clock| clock.at(index)),
-                };
-                let frame = frame.map_err(|error| error.to_string());
-                let found = finding.in_frame(frame, called, room);
-                watch(1, all());
-                (index, found)
-            })
-            .collect::<Vec<_>>();
-        found.sort_unstable_by_key(|(index, _)| *index);
-        // Of several failures the first, whoever came to it first.
-        found.into_iter().map(|(_, found)| found).collect()
+        let rooms = Mutex::new(Vec::new());
+        let one = |(index, frame): (usize, Result<Frame, VideoError>)| {
+            let kept = || rooms.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut room: FinderRoom = kept().pop().unwrap_or_default();
+            let called = Called {
+                index,
+                file: format!("frame {index}"),
+                unix_ns: self.clock.as_ref().map(|clock| clock.at(index)),
+            };
+            let frame = frame.map_err(|error| error.to_string());
+            let found = finding.in_frame(frame, called, &mut room);
+            kept().push(room);
+            watch(1);
+            found
+        };
+        thread::scope(|scope| {
+            thread::Builder::new()
+                .name("helio-frames".into())
+                .spawn_scoped(scope, reading)
+                .map_err(|error| Failure::new("InternalError", format!("no thread: {error}")))?;
+            // Gone with this closure, so that whoever reads hears of an early end.
+            let frames = frames;
+            let mut found = Vec::new();
+            while let Ok(first) = frames.recv() {
+                let batch: Vec<_> = iter::once(first)
+                    .chain(frames.try_iter().take(waiting))
+                    .collect();
+                if !watch(0) {
+                    break;
+                }
+                let done = pool::run(|| batch.into_par_iter().with_max_len(1).map(one).collect())?;
+                let done: Vec<Result<(SpotRow, SeenInFrame), Failure>> = done;
+                // Of several failures the first, whoever came to it first.
+                found.extend(done.into_iter().collect::<Result<Vec<_>, _>>()?);
+            }
+            Ok(found)
+        })
     }
 }
 
