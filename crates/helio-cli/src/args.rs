@@ -13,7 +13,7 @@ use clap::{Args as ClapArgs, CommandFactory, FromArgMatches, Parser, Subcommand,
 use helio_core::offset::MAX_ITERATIONS;
 use helio_core::{OffsetForm, SimdLevel};
 use helio_io::output::Format;
-pub(crate) use spot::{MarksWord, MethodWord, Raw, ShapeWord, SimulateImagesArgs, SpotArgs};
+pub(crate) use spot::{MarksWord, MethodWord, ShapeWord, SimulateImagesArgs, SpotArgs};
 
 pub(crate) use accuracy::{AcceptWord, AccuracyArgs, SimulateCampaignArgs};
 pub(crate) use convert::{Convert, ConvertPaintArgs};

@@ -3,10 +3,8 @@
 //! `args` holds what was typed, `plan` what it means, `commands` does it, `printer` talks.
 
 mod args;
-mod clock;
 mod commands;
 mod failure;
-mod overlay;
 mod plan;
 mod plot;
 mod printer;

@@ -5,6 +5,7 @@ use std::path::{Component, Path, PathBuf};
 
 use crate::error::{IoError, Place, Problem, quoted};
 use crate::table::read_text;
+use crate::words::Counted;
 
 /// Suffixes of pictures, in lower case.
 const SUFFIXES: &[&str] = &[
@@ -62,6 +63,25 @@ pub fn frame_files(typed: &[PathBuf]) -> Result<FrameFiles, IoError> {
         known.insert(path.canonicalize().unwrap_or_else(|_| path.clone()))
     });
     Ok(FrameFiles { paths, again })
+}
+
+impl FrameFiles {
+    /// That files were named more than once, where some were.
+    ///
+    /// ```
+    /// let files = helio_io::frame_files(&["a.png".into(), "a.png".into()])?;
+    /// assert!(files.warning().is_some_and(|said| said.starts_with("1 file named more than once")));
+    /// # Ok::<(), helio_io::IoError>(())
+    /// ```
+    #[must_use]
+    pub fn warning(&self) -> Option<String> {
+        let first = self.again.first()?;
+        Some(format!(
+            "{} named more than once and taken once, first {}",
+            Counted(self.again.len(), "file"),
+            first.display()
+        ))
+    }
 }
 
 fn nothing(path: &Path, what: String) -> IoError {

@@ -1,7 +1,5 @@
 //! What is left by pose: a row for each heliostat.
 
-use std::path::Path;
-
 use helio_calib::joint::{AxisCause, Leftover, LeftoverParts};
 use helio_core::Field;
 use helio_core::angle::radians;
@@ -12,7 +10,7 @@ use crate::keys::{ID, Key, Kind};
 use crate::output::{Cells, Destination, Format, write_columns};
 use crate::small::known_heliostat;
 use crate::state::text;
-use crate::table::{Keyed, Naming, Table};
+use crate::table::{Keyed, Naming, Table, TableSource};
 
 const fn column(name: &'static str, kind: Kind, about: &'static str) -> Key {
     Key {
@@ -139,8 +137,11 @@ pub fn write_leftovers(
 /// # Errors
 /// [`IoError`] for an unknown or missing column, an id that is not in the field or stands twice, and numbers that are
 /// none or do not belong together.
-pub fn load_leftovers(path: &Path, field: &Field) -> Result<Vec<Option<Leftover>>, IoError> {
-    let table = Keyed::new(Table::read(path)?, COLUMNS, &Naming::default())?;
+pub fn load_leftovers<'a>(
+    table: impl Into<TableSource<'a>>,
+    field: &Field,
+) -> Result<Vec<Option<Leftover>>, IoError> {
+    let table = Keyed::new(Table::read(table)?, COLUMNS, &Naming::default())?;
     let mut out: Vec<Option<Leftover>> = vec![None; field.len()];
     let mut first = vec![0; field.len()];
     for row in 0..table.table().rows() {

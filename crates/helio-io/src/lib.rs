@@ -22,6 +22,7 @@ pub mod calibrate;
 mod calibrated;
 mod campaign;
 mod check;
+mod corrections;
 mod error;
 mod example;
 mod field;
@@ -40,6 +41,7 @@ mod observations;
 pub mod output;
 mod paint;
 mod pictures;
+mod predicting;
 mod scene;
 mod schema;
 mod simulate;
@@ -51,6 +53,7 @@ mod tally;
 mod target;
 mod times;
 mod toml;
+mod verify;
 mod words;
 
 pub use atomic::{AtomicFile, remove_unfinished_files, write_file, write_file_with};
@@ -63,6 +66,7 @@ pub use campaign::{
     load_limits, load_weather,
 };
 pub use check::{CheckError, FieldCheck};
+pub use corrections::{Corrected, Corrections, CorrectionsError, OtherCalibration};
 pub use error::{IoError, Place, Problem};
 pub use example::{ExampleError, ExampleField, write_example_field};
 pub use field::{
@@ -70,8 +74,9 @@ pub use field::{
     TargetArea, load_field, load_field_calibrated, surroundings_of_text,
 };
 pub use finding::{
-    FinderRoom, SeenInFrame, SpotFinder, SpotMethod, SpotWords, UselessOption, parse_threshold,
-    read_frame,
+    FinderRoom, FrameClock, FrameGap, FrameNumberError, OverlayError, OverlayFolder, RawFrames,
+    SeenInFrame, SpotFinder, SpotMethod, SpotWords, UselessOption, frame_gap, frame_of_file,
+    parse_raw, parse_size, parse_threshold, read_frame,
 };
 pub use finished::Finished;
 pub use flux::{
@@ -90,6 +95,7 @@ pub use observations::{
 };
 pub use paint::{Paint, PaintCentroid, PaintError, PaintFiles, PaintWatch};
 pub use pictures::{write_frame, write_rgb};
+pub use predicting::{RowPredictor, RowPredictorError};
 pub use scene::{
     FluxScene, MirrorPart, SceneMethod, SceneMirror, SceneOf, SceneRays, SceneSun, SceneUnit,
     SunForm, load_scene, scene_of_text,
@@ -109,4 +115,5 @@ pub use table::{MemoryTable, PARQUET_THREAD, TableSource};
 pub use tally::Tally;
 pub use target::{CameraTarget, load_target, target_of_text, target_toml};
 pub use times::{TimeRange, degrees_as_written, format_time, parse_step, parse_time};
+pub use verify::{BeamsBack, beyond_drives, by_row, tracked_numbers};
 pub use words::{Counted, Grouped};

@@ -883,6 +883,18 @@ impl<'a> Reader<'a> {
                 }
             ));
         }
+        let mut of_both = records.iter().enumerate().filter(|(_, record)| {
+            let given = record.given.is_some();
+            given && record.unix_ns.is_some()
+        });
+        if let Some((first, _)) = of_both.next() {
+            out.warnings.push(format!(
+                "{path}: records that state both a time and the sun's angles: {} (first: {}); the angles say where the \
+                 sun is",
+                1 + of_both.count(),
+                position(first)
+            ));
+        }
         let apart = |reason: &LeftAsideReason| {
             matches!(reason, LeftAsideReason::NoFrame | LeftAsideReason::Spot(_))
         };

@@ -142,6 +142,8 @@ pub struct Angles {
     pub sun: AnglesSun,
     /// Rows left aside because their `status` says that they have no angles.
     pub skipped: usize,
+    /// Whether the table states times beside the sun's angles, which are those that count.
+    pub times_unused: bool,
 }
 
 /// The sun of each row of [`Angles`].
@@ -225,6 +227,8 @@ pub fn load_angles<'a>(
                 .push(radians(table.needed(row, &keys::SUN_AZIMUTH, who)?));
             suns.elevation_rad
                 .push(radians(table.needed(row, &keys::SUN_ELEVATION, who)?));
+            let timed = || matches!(table.time(row, &keys::TIME, &id), Ok(Some(_)));
+            angles.times_unused = angles.times_unused || table.has(&keys::TIME) && timed();
         } else if table.has(&keys::TIME) {
             times.push(table.time(row, &keys::TIME, &id)?.ok_or_else(|| {
                 let problem = Problem::Missing {

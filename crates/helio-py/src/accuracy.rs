@@ -75,11 +75,32 @@ fn of_toml<T>(
 
 impl From<AccuracyError> for Failure {
     fn from(error: AccuracyError) -> Self {
-        let class = match error {
-            AccuracyError::NoSpots => "MissingError",
-            _ => "OptionError",
-        };
-        Self::new(class, error.to_string())
+        let message = error.to_string();
+        match error {
+            AccuracyError::NoSpots => Self::new("MissingError", message).with_field("spots"),
+            AccuracyError::Bad { what, value, .. } => Self::new("OptionError", message)
+                .with_field(keyword(what))
+                .with_value(value),
+            AccuracyError::Uncertainty { value, .. } => Self::new("OptionError", message)
+                .with_field("campaign")
+                .with_value(value),
+            _ => Self::new("OptionError", message).with_field("weather"),
+        }
+    }
+}
+
+/// The keyword that a number of an evaluation was given by.
+fn keyword(what: &str) -> &'static str {
+    match what {
+        "the distance of the heliostat" => "slant_m",
+        "the aim point" => "aim_m",
+        "the direction to the heliostat" => "heliostat_at_deg",
+        "half the width of a wind bin" => "bin_half_width_m_s",
+        "the width of the histogram's bins" => "histogram_step_m_s",
+        "the confidence" => "confidence",
+        "the longest gap of the weather" => "weather_gap_s",
+        "a status whose spots are to count" => "accept",
+        _ => "limits",
     }
 }
 

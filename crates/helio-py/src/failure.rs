@@ -67,18 +67,18 @@ impl Failure {
         self.with("id", Attribute::Text(id))
     }
 
-    fn with_field(self, field: &str) -> Self {
-        self.with("field", Attribute::Text(field.to_string()))
-    }
-
-    /// With the argument that it is about, where nothing closer is named.
-    pub(crate) fn or_field(self, field: &str) -> Self {
+    /// With the argument it is of, where it does not name one.
+    pub(crate) fn or_of(self, field: &str) -> Self {
         match &self {
-            Self::Ours(case) if !case.attributes.iter().any(|(name, _)| *name == "field") => {
+            Self::Ours(case) if case.attributes.iter().all(|(name, _)| *name != "field") => {
                 self.with_field(field)
             }
             _ => self,
         }
+    }
+
+    pub(crate) fn with_field(self, field: &str) -> Self {
+        self.with("field", Attribute::Text(field.to_string()))
     }
 
     pub(crate) fn with_path(self, path: PathBuf) -> Self {
@@ -204,7 +204,8 @@ impl From<IoError> for Failure {
         }
         let named = match error.problem() {
             Problem::Unknown { name, .. } => Some(name.as_str()),
-            // "the column `time`"
+            // "the column `time`", or a key
+            Problem::Missing { what, .. } if !what.contains(' ') => Some(what.as_str()),
             Problem::Missing { what, .. } => what.split('`').nth(1),
             Problem::WrongKind { what, .. }
             | Problem::NotFinite { what, .. }

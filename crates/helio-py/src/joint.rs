@@ -78,7 +78,7 @@ impl JointWords {
         }
         check_plan(self.plan.as_ref())?;
         if let Some(state) = &self.state {
-            AtomicFile::check(state)?;
+            AtomicFile::check(state).map_err(|error| Failure::from(error).or_of("state"))?;
             inputs.not_among("state", state, field)?;
         }
         let Some(report) = &self.report else {
@@ -129,7 +129,7 @@ impl Found {
         }
         if let Some(path) = state {
             // the state goes last: where anything failed, the same records can be given again
-            write_file(path, &self.state)?;
+            write_file(path, &self.state).map_err(|error| Failure::from(error).or_of("state"))?;
         }
         Ok(())
     }
@@ -178,10 +178,15 @@ fn found(
         said.push(in_keywords(&words));
     };
     let following = match &words.update {
-        Some((name, None)) => Some(Following::begin(name, read_state(name)?, loaded, &say)?),
-        Some((name, Some(bytes))) => {
-            let state = state_of_bytes(name, bytes.clone())?;
-            Some(Following::begin(name, state, loaded, &say)?)
+        Some((name, bytes)) => {
+            let begun = || {
+                let state = match bytes {
+                    None => read_state(name)?,
+                    Some(bytes) => state_of_bytes(name, bytes.clone())?,
+                };
+                Ok::<_, Failure>(Following::begin(name, state, loaded, &say)?)
+            };
+            Some(begun().map_err(|failure| failure.or_of("update"))?)
         }
         None => None,
     };
@@ -208,7 +213,8 @@ fn found(
         say: &say,
         watch: &watch,
     };
-    run.check_times(following.is_some())?;
+    let of_records = |error| Failure::from(error).or_of("observations");
+    run.check_times(following.is_some()).map_err(of_records)?;
     let provenance = Provenance {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         solver: if following.is_some() {
@@ -227,7 +233,10 @@ fn found(
         },
     };
     let all = match following {
-        Some(following) => run.update(following, proposals.is_some())?,
+        Some(following) => {
+            let all = run.update(following, proposals.is_some());
+            all.map_err(of_records)?
+        }
         None => run.fit()?,
     };
     let beside = Beside {

@@ -3,7 +3,7 @@
 //! The package's own documentation is in its doc strings, which begin here as the comments above each
 //! function and class, in the form that Python's readers know (numpydoc).
 //!
-//! One file per subject: `field`, `track`, `forward`, `sun`, `drive`, `predict`, `calibrate`, `joint`, `spots`, `accuracy`,
+//! One file per subject: `field`, `track`, `correct`, `verify`, `forward`, `sun`, `drive`, `predict`, `calibrate`, `joint`, `spots`, `accuracy`,
 //! `flux`, `simulate`, `paint`, `begin`; below
 //! them what they share: `beside` (what both ways of calibrating are asked beside their table), `array` (NumPy in and out), `table` (tables in and out), `rows` (answers as tables), `failure` (errors), `pool` (threads,
 //! and forks), `guard` (panics), `slab` (memory of answers), `watch` (progress and Ctrl-C of long work).
@@ -18,6 +18,7 @@ mod array;
 mod begin;
 mod beside;
 mod calibrate;
+mod correct;
 mod drive;
 mod failure;
 mod field;
@@ -36,6 +37,7 @@ mod spots;
 mod sun;
 mod table;
 mod track;
+mod verify;
 mod watch;
 
 use pyo3::prelude::*;
@@ -80,7 +82,12 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(begin::_schema, module)?)?;
     module.add_function(wrap_pyfunction!(begin::_check_field, module)?)?;
 
+    module.add_function(wrap_pyfunction!(correct::_correct, module)?)?;
+    module.add_function(wrap_pyfunction!(verify::_verify, module)?)?;
+    module.add_function(wrap_pyfunction!(rows::_tracked_table, module)?)?;
+
     module.add_function(wrap_pyfunction!(predict::_predict, module)?)?;
+    module.add_function(wrap_pyfunction!(predict::_predict_rows, module)?)?;
     module.add_function(wrap_pyfunction!(rows::_landed_table, module)?)?;
     module.add_function(wrap_pyfunction!(rows::_angles, module)?)?;
     module.add_function(wrap_pyfunction!(calibrate::_calibrate, module)?)?;
@@ -89,7 +96,9 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(table::_write_text, module)?)?;
 
     module.add_function(wrap_pyfunction!(spots::_find_spots, module)?)?;
+    module.add_function(wrap_pyfunction!(spots::_find_raw_spots, module)?)?;
     module.add_function(wrap_pyfunction!(spots::_frame_files, module)?)?;
+    module.add_function(wrap_pyfunction!(spots::_frame_times, module)?)?;
     module.add_function(wrap_pyfunction!(spots::_pixels_read, module)?)?;
     module.add_class::<accuracy::PyJudged>()?;
     module.add_function(wrap_pyfunction!(accuracy::_accuracy, module)?)?;

@@ -1,7 +1,8 @@
 //! `predict`: where beams land; the typed call and its answer are in `helio_py._predict`.
 
 use helio_core::tracking::Prediction;
-use helio_core::{OffsetForm, TargetPlane, TrackOptions};
+use helio_core::{EnuUnit, OffsetForm, TargetPlane, TrackOptions};
+use helio_io::{Angles, RowPredictor, RowPredictorError};
 use pyo3::prelude::*;
 
 use crate::array::{Numbers, owned, shape_text, wrong_shape};
@@ -9,7 +10,7 @@ use crate::failure::Failure;
 use crate::field::PyField;
 use crate::forward::in_whole;
 use crate::guard::guarded;
-use crate::track::{Changing, Suns};
+use crate::track::{Changing, Suns, direction};
 
 /// Rows computed between two looks at whether the user wants to stop: some hundredths of a second.
 const ROWS_PER_LOOK: usize = 1 << 18;
@@ -76,6 +77,75 @@ pub(crate) fn _predict<'py>(
     })
 }
 
+impl From<RowPredictorError> for Failure {
+    fn from(error: RowPredictorError) -> Self {
+        match error {
+            RowPredictorError::Field(error) => error.into(),
+            RowPredictorError::Track(error) => error.into(),
+            RowPredictorError::Calibration(error) => error.into(),
+            other => Self::new("MissingError", other.to_string()),
+        }
+    }
+}
+
+/// The same columns for rows of a table of angles, each of a heliostat under a sun \[rad, ns of Unix time\].
+#[pyfunction]
+pub(crate) fn _predict_rows<'py>(
+    py: Python<'py>,
+    field: &Bound<'py, PyAny>,
+    heliostat: Vec<usize>,
+    angles: [Bound<'py, PyAny>; 2],
+    suns: [Bound<'py, PyAny>; 2],
+    unix_ns: Option<Vec<i64>>,
+) -> PyResult<[Bound<'py, PyAny>; 5]> {
+    guarded(|| {
+        let loaded = PyField::of(field)?.get().inner().loaded();
+        let numbers = |of: &Bound<'py, PyAny>| {
+            let numbers = Numbers::of(of, "azimuth_rad")?;
+            Ok::<_, Failure>(numbers.as_slice()?.to_vec())
+        };
+        let [axis1_rad, axis2_rad] = [numbers(&angles[0])?, numbers(&angles[1])?];
+        let angles = Angles {
+            heliostat,
+            axis1_rad,
+            axis2_rad,
+            ..Angles::default()
+        };
+        let rows = angles.heliostat.len();
+        let [azimuth_rad, elevation_rad] = [numbers(&suns[0])?, numbers(&suns[1])?];
+        let toward = azimuth_rad.iter().zip(&elevation_rad).enumerate();
+        let toward = toward.map(|(row, (&azimuth, &elevation))| direction(row, azimuth, elevation));
+        let toward = toward.collect::<Result<Vec<EnuUnit>, Failure>>()?;
+        let same = |a: usize, b: usize| match &unix_ns {
+            Some(unix_ns) => unix_ns[a] == unix_ns[b],
+            None => azimuth_rad[a] == azimuth_rad[b] && elevation_rad[a] == elevation_rad[b],
+        };
+        let mut predictor = RowPredictor::new(loaded, TrackOptions::default())?;
+        let mut columns = Columns::default();
+        let mut start = 0;
+        while start < rows {
+            if start > 0 {
+                py.check_signals()?;
+            }
+            py.detach(|| {
+                let mut looked_at = 0;
+                while start < rows && looked_at < ROWS_PER_LOOK {
+                    let end = predictor.group_end(&angles, start, same);
+                    let unix_ns = unix_ns.as_ref().map(|times| times[start]);
+                    let landed = predictor.predict(&angles, start..end, toward[start], unix_ns)?;
+                    for &heliostat in &angles.heliostat[start..end] {
+                        columns.add_row(landed, heliostat);
+                    }
+                    start = end;
+                    looked_at += loaded.field.len();
+                }
+                Ok::<_, Failure>(())
+            })?;
+        }
+        columns.handed_out(py, &[rows])
+    })
+}
+
 #[derive(Default)]
 struct Columns {
     u_m: Vec<f64>,
@@ -87,14 +157,18 @@ struct Columns {
 
 impl Columns {
     fn add(&mut self, one: &Prediction) {
-        self.u_m.extend(&one.u_m);
-        self.v_m.extend(&one.v_m);
         for row in 0..one.status.len() {
-            self.point_enu_m
-                .extend([one.east_m[row], one.north_m[row], one.up_m[row]]);
+            self.add_row(one, row);
         }
-        self.beam_error_rad.extend(&one.beam_error_rad);
-        self.status.extend(one.status.iter().map(|s| s.code()));
+    }
+
+    fn add_row(&mut self, one: &Prediction, row: usize) {
+        self.u_m.push(one.u_m[row]);
+        self.v_m.push(one.v_m[row]);
+        self.point_enu_m
+            .extend([one.east_m[row], one.north_m[row], one.up_m[row]]);
+        self.beam_error_rad.push(one.beam_error_rad[row]);
+        self.status.push(one.status[row].code());
     }
 
     fn handed_out<'py>(

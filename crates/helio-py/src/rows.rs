@@ -2,14 +2,17 @@
 
 use helio_core::Status;
 use helio_io::output::{Layout, Moment, Moments, Number, Rows, Scale, kept_rows};
-use helio_io::{AnglesSun, degrees_as_written, load_angles};
+use helio_io::{AnglesSun, by_row, degrees_as_written, load_angles, tracked_numbers};
+use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::array::{Numbers, owned, shape_text, wrong_shape};
 use crate::failure::Failure;
 use crate::field::PyField;
+use crate::given;
 use crate::guard::guarded;
+use crate::pool;
 use crate::sun::unix_ns;
 use crate::table::{Given, given_back};
 use crate::track::direction;
@@ -113,15 +116,135 @@ pub(crate) fn table<'py>(
     given_back(py, kept, kind)
 }
 
+/// Columns of axis angles of some suns, as Python's arrays.
+pub(crate) struct Angles<'py> {
+    columns: Vec<Numbers<'py>>,
+    status: Vec<Status>,
+    /// `None` for the one sun of two numbers.
+    suns: Option<usize>,
+}
+
+impl<'py> Angles<'py> {
+    /// Of arrays of one shape, (n,) or (m, n) for a field of n; the first is called `what`.
+    ///
+    /// # Errors
+    /// `ShapeError` for other shapes, `DataTypeError` for no numbers, `OptionError` for no statuses.
+    pub(crate) fn of(
+        columns: &[Bound<'py, PyAny>],
+        status: &Bound<'py, PyAny>,
+        heliostats: usize,
+        what: &str,
+    ) -> Result<Self, Failure> {
+        let columns = columns.iter().map(|column| Numbers::of(column, what));
+        let columns = columns.collect::<Result<Vec<_>, _>>()?;
+        let codes: PyReadonlyArrayDyn<'py, u8> = status.extract().map_err(|_| {
+            Failure::of("DataTypeError", what, "expected statuses as uint8 numbers")
+        })?;
+        let shape = codes.shape();
+        let suns = match *shape {
+            [found] if found == heliostats => None,
+            [suns, found] if found == heliostats => Some(suns),
+            _ => {
+                let wanted = format!("({heliostats},) or (m, {heliostats})");
+                return Err(wrong_shape(what, &wanted, shape));
+            }
+        };
+        if let Some(other) = columns.iter().find(|column| column.shape() != shape) {
+            return Err(wrong_shape(what, &shape_text(shape), other.shape()));
+        }
+        let known = codes
+            .as_array()
+            .iter()
+            .map(|&code| status_of(code))
+            .collect::<Result<_, _>>()?;
+        Ok(Self {
+            columns,
+            status: known,
+            suns,
+        })
+    }
+
+    pub(crate) fn columns(&self) -> Result<Vec<&[f64]>, Failure> {
+        self.columns.iter().map(Numbers::as_slice).collect()
+    }
+
+    pub(crate) fn status(&self) -> &[Status] {
+        &self.status
+    }
+
+    pub(crate) const fn suns(&self) -> Option<usize> {
+        self.suns
+    }
+
+    /// The shape of every column.
+    pub(crate) fn shape(&self, heliostats: usize) -> Vec<usize> {
+        self.suns.into_iter().chain([heliostats]).collect()
+    }
+}
+
+/// A table of axis angles: `columns` are both angles, incidence and excess of limits, then where `leftovers` both corrections
+/// and both standard deviations, then where `verified` the beam's error.
+pub(crate) fn table_of_angles<'py>(
+    field: &Bound<'py, PyAny>,
+    kind: &str,
+    moment: &KeptMoment,
+    columns: &[&[f64]],
+    status: &[Status],
+    [leftovers, verified]: [bool; 2],
+) -> Result<Bound<'py, PyAny>, Failure> {
+    let inner = PyField::of(field)?.get().inner();
+    let loaded = inner.loaded();
+    let numbers = tracked_numbers(loaded.has_drives(), leftovers, verified);
+    let steps = match loaded.has_drives() {
+        true => {
+            let drives = &loaded.drives;
+            let steps = || {
+                [0, 1].map(|axis| by_row(drives, columns[axis], |of, angle| of[axis]?.steps(angle)))
+            };
+            field.py().detach(|| pool::run(steps))?.to_vec()
+        }
+        false => Vec::new(),
+    };
+    let (first, rest) = columns.split_at(4.min(columns.len()));
+    let columns = first.iter().copied();
+    let columns = columns.chain(steps.iter().map(Vec::as_slice));
+    let columns: Vec<&[f64]> = columns.chain(rest.iter().copied()).collect();
+    table(field, kind, moment, numbers, &columns, status, None)
+}
+
+/// Axis angles that were corrected or verified as a table of a kind.
+#[pyfunction]
+pub(crate) fn _tracked_table<'py>(
+    field: &Bound<'py, PyAny>,
+    columns: Vec<Bound<'py, PyAny>>,
+    status: &Bound<'py, PyAny>,
+    parts: [bool; 2],
+    kind: &Bound<'py, PyAny>,
+    times: Option<&Bound<'py, PyAny>>,
+    sun_azimuth_rad: Option<&Bound<'py, PyAny>>,
+    sun_elevation_rad: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    guarded(|| {
+        let kind = given::text(kind, "kind")?;
+        let n = PyField::of(field)?.get().inner().len();
+        let angles = Angles::of(&columns, status, n, "field")?;
+        let moment = KeptMoment::of(times, sun_azimuth_rad, sun_elevation_rad, angles.suns())?;
+        let columns = angles.columns()?;
+        table_of_angles(field, &kind, &moment, &columns, angles.status(), parts)
+    })
+}
+
+fn status_of(code: u8) -> Result<Status, Failure> {
+    Status::from_code(code).ok_or_else(|| {
+        let message = format!("no status has number {code}");
+        Failure::of("OptionError", "status", message)
+    })
+}
+
 /// Statuses of numbers that Python has.
 fn statuses(codes: &Numbers<'_>) -> Result<Vec<Status>, Failure> {
-    let status = |&code: &f64| {
-        Status::from_code(code as u8).ok_or_else(|| {
-            let message = format!("no status has number {code}");
-            Failure::of("OptionError", "status", message)
-        })
-    };
-    codes.as_slice()?.iter().map(status).collect()
+    let codes = codes.as_slice()?.iter();
+    codes.map(|&code| status_of(code as u8)).collect()
 }
 
 /// Where beams land as a table of a kind.
@@ -129,13 +252,14 @@ fn statuses(codes: &Numbers<'_>) -> Result<Vec<Status>, Failure> {
 pub(crate) fn _landed_table<'py>(
     field: &Bound<'py, PyAny>,
     landed: Vec<Bound<'py, PyAny>>,
-    kind: &str,
+    kind: &Bound<'py, PyAny>,
     times: Option<&Bound<'py, PyAny>>,
     sun_azimuth_rad: Option<&Bound<'py, PyAny>>,
     sun_elevation_rad: Option<&Bound<'py, PyAny>>,
     heliostats: Option<Vec<u32>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     guarded(|| {
+        let kind = given::text(kind, "kind")?;
         let names = ["u_m", "v_m", "point_enu_m", "beam_error_rad", "status"];
         let arrays = names.iter().zip(&landed);
         let arrays: Vec<Numbers<'_>> = arrays
@@ -180,7 +304,7 @@ pub(crate) fn _landed_table<'py>(
         let numbers = numbers.collect();
         table(
             field,
-            kind,
+            &kind,
             &moment,
             numbers,
             &columns,

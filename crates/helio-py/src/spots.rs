@@ -2,13 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
+mod raw;
+
 use helio_io::output::{Destination, Format, KeptColumns};
 use helio_io::{
-    CameraTarget, FinderRoom, SeenInFrame, SpotFinder, SpotMethod, SpotRow, SpotWords,
-    UselessOption, frame_files, load_target, parse_threshold, read_frame, target_of_text,
-    write_spots,
+    CameraTarget, FinderRoom, FrameClock, FrameNumberError, OverlayError, OverlayFolder,
+    SeenInFrame, SpotFinder, SpotMethod, SpotRow, SpotWords, UselessOption, frame_files, frame_gap,
+    frame_of_file, load_target, parse_threshold, target_of_text, write_spots,
 };
-use helio_spot::{Picture, SpotError, View};
+use helio_spot::{Frame, Gray, Picture, SpotError, View};
 use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -19,6 +21,7 @@ use crate::failure::Failure;
 use crate::guard::guarded;
 use crate::table::handed_out;
 use crate::watch::watched;
+pub(crate) use raw::_find_raw_spots;
 
 /// Target and options as the keywords of `find_spots` have them.
 #[derive(FromPyObject)]
@@ -30,9 +33,29 @@ pub(crate) struct SpotsAsked {
     threshold: Option<String>,
     expected: Option<(f64, f64, Option<f64>)>,
     white: Option<u32>,
+    /// A folder for pictures of what was found.
+    overlay: Option<PathBuf>,
 }
 
 impl SpotsAsked {
+    /// The folder for pictures of frames that are called so, none of which may be one that is read.
+    fn overlay(
+        &self,
+        called: &[PathBuf],
+        read: impl Iterator<Item = PathBuf>,
+    ) -> Result<Option<OverlayFolder>, Failure> {
+        let Some(folder) = &self.overlay else {
+            return Ok(None);
+        };
+        let target = self.text.is_none().then(|| self.path.clone());
+        let inputs: Vec<PathBuf> = read.chain(target).collect();
+        let overlay = OverlayFolder::new(folder, called, &inputs);
+        Ok(Some(overlay.map_err(|error| match error {
+            OverlayError::Io(error) => error.into(),
+            other => Failure::of("OptionError", "overlay", other),
+        })?))
+    }
+
     fn target(&self) -> Result<CameraTarget, Failure> {
         Ok(match &self.text {
             Some(text) => target_of_text(&self.path, text)?,
@@ -135,45 +158,126 @@ fn sides(shape: &[usize]) -> [usize; 2] {
     [0, 1].map(|k| shape.get(k).copied().unwrap_or(0))
 }
 
-impl Job<'_> {
-    fn found(
+/// What is the same for all frames: how spots are found, and where pictures of them go.
+struct Finding<'a> {
+    finder: SpotFinder<'a>,
+    overlay: Option<OverlayFolder>,
+    /// Whether a file that cannot be read is a wrong call rather than a row.
+    alone: bool,
+}
+
+/// A frame's place in the list, what it is called, when it was taken.
+struct Called {
+    index: usize,
+    file: String,
+    unix_ns: Option<i64>,
+}
+
+impl Finding<'_> {
+    fn in_view<P: Gray>(
         &self,
-        finder: &SpotFinder<'_>,
-        file: String,
-        unix_ns: Option<i64>,
+        view: View<'_, P>,
+        called: Called,
         room: &mut FinderRoom,
-    ) -> Result<(SpotRow, SeenInFrame), SpotError> {
-        match *self {
-            Self::File(path) => match read_frame(path) {
-                Ok(frame) => finder.find(&frame, file, unix_ns, room),
-                Err(reason) => {
-                    let row = SpotRow::unreadable(file, unix_ns, reason);
-                    Ok((row, SeenInFrame::default()))
-                }
-            },
+    ) -> Result<(SpotRow, SeenInFrame), Failure> {
+        let Called {
+            index,
+            file,
+            unix_ns,
+        } = called;
+        let found = self.finder.find_in(view, file, unix_ns, room)?;
+        if let Some(overlay) = &self.overlay {
+            overlay.write(index, view, &found.1)?;
+        }
+        Ok(found)
+    }
+
+    fn in_frame(
+        &self,
+        frame: Result<Frame, String>,
+        called: Called,
+        room: &mut FinderRoom,
+    ) -> Result<(SpotRow, SeenInFrame), Failure> {
+        match frame {
+            Ok(Frame::Gray8(picture)) => self.in_view(picture.view(), called, room),
+            Ok(Frame::Gray16(picture)) => self.in_view(picture.view(), called, room),
+            Err(reason) => {
+                let row = SpotRow::unreadable(called.file, called.unix_ns, reason);
+                Ok((row, SeenInFrame::default()))
+            }
+        }
+    }
+
+    fn in_job(
+        &self,
+        job: &Job<'_>,
+        called: Called,
+        room: &mut FinderRoom,
+    ) -> Result<(SpotRow, SeenInFrame), Failure> {
+        match *job {
+            Job::File(path) => {
+                let frame = match frame_of_file(path) {
+                    Err(error) if self.alone => return Err(error.into()),
+                    Err(error) => Err(error.problem().to_string()),
+                    Ok(frame) => frame,
+                };
+                self.in_frame(frame, called, room)
+            }
             // Three samples a pixel are colours.
-            Self::Bits8(samples, [rows, columns]) if samples.len() > rows * columns => {
+            Job::Bits8(samples, [rows, columns]) if samples.len() > rows * columns => {
                 let picture = Picture::<u8>::of_rgb(samples, columns, rows)?;
-                finder.find_in(picture.view(), file, unix_ns, room)
+                self.in_view(picture.view(), called, room)
             }
-            Self::Bits8(pixels, [rows, columns]) => {
-                finder.find_in(View::new(pixels, columns, rows)?, file, unix_ns, room)
+            Job::Bits8(pixels, [rows, columns]) => {
+                self.in_view(View::new(pixels, columns, rows)?, called, room)
             }
-            Self::Bits16(samples, [rows, columns]) if samples.len() > rows * columns => {
+            Job::Bits16(samples, [rows, columns]) if samples.len() > rows * columns => {
                 let picture = Picture::<u16>::of_rgb(samples, columns, rows)?;
-                finder.find_in(picture.view(), file, unix_ns, room)
+                self.in_view(picture.view(), called, room)
             }
-            Self::Bits16(pixels, [rows, columns]) => {
-                finder.find_in(View::new(pixels, columns, rows)?, file, unix_ns, room)
+            Job::Bits16(pixels, [rows, columns]) => {
+                self.in_view(View::new(pixels, columns, rows)?, called, room)
             }
         }
     }
 }
 
-/// Files that paths stand for: folders, patterns and lists as the command line takes them.
+/// Files that paths stand for, folders, patterns and lists as the command line takes them; and what is to be said of them.
 #[pyfunction]
-pub(crate) fn _frame_files(paths: Vec<PathBuf>) -> PyResult<Vec<PathBuf>> {
-    guarded(|| Ok(frame_files(&paths)?.paths))
+pub(crate) fn _frame_files(paths: Vec<PathBuf>) -> PyResult<(Vec<PathBuf>, Option<String>)> {
+    guarded(|| {
+        let files = frame_files(&paths)?;
+        let warning = files.warning();
+        Ok((files.paths, warning))
+    })
+}
+
+/// When frames were taken, by their place or by the numbers in what they are called; and what is to be said of the numbers.
+#[pyfunction]
+pub(crate) fn _frame_times(
+    called: Vec<PathBuf>,
+    frames: usize,
+    start_ns: i64,
+    fps: f64,
+    numbered: bool,
+) -> PyResult<(Vec<i64>, Option<String>)> {
+    guarded(|| {
+        let mut clock = FrameClock::new(start_ns, fps);
+        let mut warning = None;
+        if numbered && frames > 0 {
+            clock = clock.numbered(&called).map_err(|error| {
+                let error = match error {
+                    FrameNumberError::NoFiles => "arrays have no names: give them".to_owned(),
+                    other => other.to_string(),
+                };
+                Failure::of("OptionError", "numbered", error)
+            })?;
+        } else {
+            let gap = frame_gap(&called);
+            warning = gap.map(|gap| format!("{gap}: numbered=True takes times from the numbers"));
+        }
+        Ok(((0..frames).map(|index| clock.at(index)).collect(), warning))
+    })
 }
 
 /// Where the pixels of an array are read from, for the test that they are not copied.
@@ -189,7 +293,8 @@ pub(crate) fn _pixels_read(image: &Bound<'_, PyAny>) -> PyResult<usize> {
     })
 }
 
-/// The spots of frames, in their order; `names` and `times` (the least number where there is none) are as many as these.
+/// The spots of frames, in their order; `names` and `times` are as many as these. Pictures of them are called as
+/// `pictures` says. A frame that is `alone` must be there.
 #[pyfunction]
 pub(crate) fn _find_spots<'py>(
     py: Python<'py>,
@@ -197,20 +302,33 @@ pub(crate) fn _find_spots<'py>(
     names: Vec<String>,
     times: Option<Vec<i64>>,
     asked: SpotsAsked,
+    pictures: Vec<PathBuf>,
+    alone: bool,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     guarded(|| {
         let target = asked.target()?;
-        let finder = SpotFinder::new(&target, asked.method(&target)?);
         let given: Vec<Given<'py>> = frames.iter().map(Given::of).collect::<Result<_, _>>()?;
         let jobs: Vec<Job<'_>> = given.iter().map(Given::job).collect::<Result<_, _>>()?;
-        let total = jobs.len() as u64;
-        let time = |index: usize| times.as_ref().and_then(|t| t.get(index)).copied();
-        let one = |room: &mut FinderRoom, index: usize| {
-            let name = names.get(index).cloned().unwrap_or_default();
-            jobs[index].found(&finder, name, time(index), room)
+        let read = jobs.iter().filter_map(|job| match job {
+            Job::File(path) => Some(path.to_path_buf()),
+            _ => None,
+        });
+        let finding = Finding {
+            finder: SpotFinder::new(&target, asked.method(&target)?),
+            overlay: asked.overlay(&pictures, read)?,
+            alone,
         };
-        type Found = Result<Option<(SpotRow, SeenInFrame)>, SpotError>;
+        let total = jobs.len() as u64;
+        let one = |room: &mut FinderRoom, index: usize| {
+            let called = Called {
+                index,
+                file: names.get(index).cloned().unwrap_or_default(),
+                unix_ns: times.as_ref().and_then(|t| t.get(index)).copied(),
+            };
+            finding.in_job(&jobs[index], called, room)
+        };
+        type Found = Result<Option<(SpotRow, SeenInFrame)>, Failure>;
         let found: Vec<Found> = if jobs.len() == 1 && progress.is_none() {
             py.detach(|| vec![one(&mut FinderRoom::default(), 0).map(Some)])
         } else {

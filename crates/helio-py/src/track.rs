@@ -237,7 +237,11 @@ pub(crate) fn direction(
 #[cold]
 fn no_direction(row: usize, azimuth_rad: f64, elevation_rad: f64) -> Failure {
     if !(azimuth_rad.is_finite() && elevation_rad.is_finite()) {
-        return TrackError::BadSun { row }.into();
+        let what = match azimuth_rad.is_finite() {
+            true => "sun_elevation_rad",
+            false => "sun_azimuth_rad",
+        };
+        return Failure::from(TrackError::BadSun { row }).with_field(what);
     }
     let (what, wanted, value) = if elevation_rad.abs() <= HIGHEST_RAD {
         ("sun_azimuth_rad", "±4π rad (±720°)", azimuth_rad)

@@ -114,12 +114,24 @@ pub(crate) fn watched_or_left<T: Send + 'static>(
     progress: Option<&Py<PyAny>>,
     work: impl FnOnce(Watch<'_>) -> T + Send + 'static,
 ) -> Result<T, Failure> {
+    watched_alone_or_left(py, progress, |watch| pool::run(|| work(watch)))?
+}
+
+/// The same for work that may wait, as for a stream, and shares with the threads of the pool only what is there to do.
+///
+/// # Errors
+/// As [`watched`].
+pub(crate) fn watched_alone_or_left<T: Send + 'static>(
+    py: Python<'_>,
+    progress: Option<&Py<PyAny>>,
+    work: impl FnOnce(Watch<'_>) -> T + Send + 'static,
+) -> Result<T, Failure> {
     let state = Arc::new(State::default());
     let theirs = Arc::clone(&state);
     let (send, ended) = channel();
     let task = move || {
         let watch = |more: u64, total: u64| theirs.watch(more, total);
-        let answer = catch_unwind(AssertUnwindSafe(|| pool::run(|| work(&watch))));
+        let answer = catch_unwind(AssertUnwindSafe(|| work(&watch)));
         // Nobody hears it who has gone.
         let _ = send.send(answer);
     };
@@ -131,7 +143,7 @@ pub(crate) fn watched_or_left<T: Send + 'static>(
             match ended.recv_timeout(LOOK) {
                 Err(RecvTimeoutError::Timeout) => {}
                 _ if raised.is_some() => break,
-                Ok(answer) => return answer.unwrap_or_else(|panic| resume_unwind(panic)),
+                Ok(answer) => return Ok(answer.unwrap_or_else(|panic| resume_unwind(panic))),
                 Err(RecvTimeoutError::Disconnected) => {
                     return Err(Failure::new(
                         "InternalError",

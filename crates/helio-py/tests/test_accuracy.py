@@ -167,6 +167,12 @@ WRONG: list[tuple[type[hp.HelioError], str, dict[str, Any]]] = [
     (hp.DataTypeError, "accept: expected a sequence of str, got int", {"accept": 5}),
     (hp.OptionError, "accept: wanted cut, saturated or ambiguous, got `empty`", {"accept": "empty"}),
     (hp.OptionError, "the confidence must be 0.5 to 0.9999", {"confidence": 1.5}),
+    (hp.OptionError, "the aim point|aim_m", {"aim_m": (float("inf"), 0)}),
+    (hp.OptionError, "the direction to the heliostat must be out of the target's face", {"heliostat_at_deg": (120, 0)}),
+    (hp.OptionError, "half the width of a wind bin must be 0.01 to 20 m/s", {"bin_half_width_m_s": 0}),
+    (hp.OptionError, "the width of the histogram's bins must be", {"histogram_step_m_s": 0}),
+    (hp.OptionError, "the longest gap of the weather must be", {"weather_gap_s": -1}),
+    (hp.MissingError, "limits: name is missing", {"limits": {}}),
     (hp.DataTypeError, "weather: expected a table", {"weather": 3}),
     (hp.UnknownNameError, "wind_speed", {"weather": {"time": TIMES, "wind_speed": np.zeros(SECONDS)}}),
     (hp.UnknownNameError, "labratory", {"campaign": {"labratory": "x"}}),
@@ -179,5 +185,7 @@ def test_wrong_calls_are_named(
     error: type[hp.HelioError], message: str, wrong: dict[str, Any], made: tuple[dict[str, Any], dict[str, Any]]
 ) -> None:
     asked: dict[str, Any] = {"weather": made[1], "slant_m": 120.0, **wrong}
-    with pytest.raises(error, match=message):
+    with pytest.raises(error, match=message) as caught:
         hp.accuracy(made[0], **asked)
+    named = caught.value.field
+    assert named in {*wrong, "wind_speed", "labratory", "name"} or issubclass(error, hp.FileUnreadableError)

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pytest
 
@@ -62,6 +63,22 @@ def test_the_command_line_writes_the_same_tables(
             # What a hash of options is made of is the program's own affair.
             pairs = [[{**row, "options_hash": ""} for row in csv.DictReader(file)] for file in (one, other)]
         assert pairs[0] == pairs[1]
+
+
+@pytest.mark.parametrize("joint", [False, True])
+def test_a_time_beside_the_sun_s_angles_is_warned_of(joint: bool, example: hp.Field) -> None:
+    table = pd.read_csv(SEEN)
+    timed = hp.calibrate(example, table, joint=joint)
+    sun = example.sun_position(table["time"].tolist())
+    table["sun_azimuth_deg"] = np.degrees(sun.azimuth_rad) + 0.5
+    table["sun_elevation_deg"] = np.degrees(sun.elevation_rad)
+    both = hp.calibrate(example, table, joint=joint)
+    said = "observations: records that state both a time and the sun's angles: "
+    assert [said in warning for warning in both.warnings] == [True] + [False] * (len(both.warnings) - 1)
+    assert f"{said}{len(table)} (first: " in both.warnings[0]
+    assert not any(said in warning for warning in timed.warnings)
+    # The angles are what counts.
+    assert np.nanmedian(np.abs(both.azimuth_reference_rad - timed.azimuth_reference_rad)) > 1e-3
 
 
 def test_columns_say_what_the_table_says(calibration: hp.Calibration, example: hp.Field) -> None:

@@ -173,8 +173,8 @@ CALLS: list[tuple[type[hp.HelioError], str, str | None, dict[str, Any]]] = [
     (hp.DataTypeError, "plan: expected a number and a day", "plan", {"joint": True, "plan": 3}),
     (hp.DataTypeError, "update: expected a path, bytes or a JointCalibration, got int", "update", {"update": 3}),
     (hp.DataTypeError, "state: expected a path, got int", "state", {"joint": True, "state": 3}),
-    (hp.FileUnreadableError, "nowhere.parquet", None, {"update": "nowhere.parquet"}),
-    (hp.ConflictError, "state: it is no state of a followed field", None, {"update": b"PAR2"}),
+    (hp.FileUnreadableError, "nowhere.parquet", "update", {"update": "nowhere.parquet"}),
+    (hp.ConflictError, "state: it is no state of a followed field", "update", {"update": b"PAR2"}),
 ]  # fmt: skip
 
 
@@ -197,21 +197,25 @@ def test_states_and_records_that_will_not_do(
 ) -> None:
     damaged = bytearray(joint.state)
     damaged[len(damaged) // 2] ^= 1
-    with pytest.raises(hp.ConflictError, match="not as it was written"):
+    with pytest.raises(hp.ConflictError, match="not as it was written") as broken:
         hp.calibrate(example, records.later, update=damaged)
-    with pytest.raises(hp.OptionError, match="taken in already"):
+    assert broken.value.field == "update"
+    with pytest.raises(hp.OptionError, match="taken in already") as again:
         hp.calibrate(example, records.before, update=joint)
+    assert again.value.field == "observations"
     timeless = {name: cells for name, cells in table_of(records.later).items() if name != "time"}
     timeless |= {
         "sun_azimuth_deg": [180.0] * len(timeless["target"]),
         "sun_elevation_deg": [40.0] * len(timeless["target"]),
     }
-    with pytest.raises(hp.OptionError, match=r"have no time .* and joint needs times"):
+    with pytest.raises(hp.OptionError, match=r"have no time .* and joint needs times") as caught:
         hp.calibrate(example, timeless, joint=True)
+    assert caught.value.field == "observations"
     with pytest.raises(hp.OptionError, match="this call reads it"):
         hp.calibrate(example, records.later, update=joint, state=records.later)
-    with pytest.raises(hp.FileError):
+    with pytest.raises(hp.FileError) as not_written:
         hp.calibrate(example, records.later, update=joint, state=tmp_path / "none" / "s.parquet")
+    assert not_written.value.field == "state"
     with pytest.raises(hp.MissingError, match=r"Field\.from_toml"):
         hp.calibrate(hp.Field([[0, 0, 0]], [0, 0, 1]), records.before, joint=True)
     with pytest.raises(hp.OptionError, match=r"^kind: wanted calibration, rejected, causes or steps, got `plan`"):

@@ -154,7 +154,10 @@ def things(root: Path) -> dict[str, Any]:
     target = {"width_m": 8, "height_m": 6, "corners_px": [[0, 0], [79, 0], [79, 59], [0, 59]]}
     times = np.datetime64("2026-06-20T08:00:00") + np.arange(3)
     spots = hp.find_spots(np.round(frames).astype(np.uint8), target, times=times)
+    joint = hp.calibrate(files, root / "examples" / "observations.csv", joint=True, leftovers=True)
     return {
+        "corrected": hp.correct(files, hp.track(files, 3.0, 0.8), joint),
+        "verified": hp.verify(field, tracking, [3.0, 3.1], [0.8, -0.1]),
         "field": field,
         "field of files": files,
         "drive": hp.Drive.encoder(1000.0),

@@ -92,8 +92,9 @@ REFUSED: dict[str, tuple[type[hp.HelioError], str, Any]] = {
 @pytest.mark.parametrize("kind", REFUSED)
 def test_anything_else_is_refused(kind: str) -> None:
     expected, message, value = REFUSED[kind]
-    with pytest.raises(expected, match=message):
+    with pytest.raises(expected, match=message) as caught:
         hp.sun_position(value, *SITE)
+    assert caught.value.field == "times"
 
 
 @pytest.mark.parametrize("shape", [(), (0,), (1,), (6,), (2, 3)])

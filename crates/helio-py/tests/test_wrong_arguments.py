@@ -107,6 +107,11 @@ def calls(tmp_path: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]
     calibration = hp.calibrate(field, seen.observations)
     flux = hp.flux(field=field, time=NOON, scene=SCENE, rays=2000)
     tracking = hp.track(small, 3.0, 0.8)
+    joint = hp.calibrate(field, seen.observations, joint=True, leftovers=True)
+    whole = hp.track(field, 3.0, 0.8)
+    corrected = hp.correct(field, whole, joint)
+    verified = hp.verify(small, tracking, 3.0, 0.8)
+    landed = hp.predict(small, tracking.azimuth_rad, tracking.elevation_rad, 3.0, 0.8)
     angles = tracking.azimuth_rad, tracking.elevation_rad
     frames = [frame()] * 3
     times = np.datetime64("2026-06-20T08:00:00") + np.arange(3)
@@ -139,6 +144,11 @@ def calls(tmp_path: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]
             ("out", "present", "times"))}),
         "forward": (hp.forward, {"field": small, "azimuth_rad": angles[0], "elevation_rad": angles[1]}),
         "predict": (hp.predict, {"field": field, "azimuth_rad": np.ones(500), "elevation_rad": np.ones(500), **sun}),
+        "correct": (hp.correct, {"field": field, "tracking": whole, "leftovers": joint, "progress": None}),
+        "Corrected.to_table": (corrected.to_table, {"field": field, "kind": "dict", "times": NOON}),
+        "verify": (hp.verify, {"field": small, "tracking": tracking, **sun, "times": None}),
+        "Verified.to_table": (verified.to_table, {"field": small, "tracking": tracking, "kind": "dict", **sun}),
+        "Prediction.to_table": (landed.to_table, {"field": small, "kind": "dict", **sun}),
         "sun_position": (hp.sun_position, {"times": NOON, "latitude_deg": 37.4, "longitude_deg": -6.25, **none(
             ("elevation_m", "pressure_hpa", "temperature_c", "delta_t_s", "ut1_utc_s"))}),
         "status_words": (hp.status_words, {"status": [0]}),
@@ -183,7 +193,10 @@ def calls(tmp_path: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]
         "Field.check": (field.check, {"time": NOON, "progress": None}),
         "find_spot": (hp.find_spot, {"image": frame(), "target": TARGET, "method": "robust", **none(
             ("threshold", "expected", "white"))}),
-        "find_spots": (hp.find_spots, {"images": frames, "target": TARGET, **none(("times", "names", "progress"))}),
+        "find_spots": (hp.find_spots, {"images": frames, "target": TARGET, "numbered": False, **none(("times", "names",
+            "raw", "start", "fps", "overlay", "progress"))}),
+        "find_spots of video": (hp.find_spots, {"images": frame().tobytes(), "target": TARGET, "raw": "80x60",
+            "start": NOON, "fps": 1.0, "overlay": tmp_path / "seen", "progress": None}),
         "Spots.to_table": (spots.to_table, {"kind": "dict"}),
         "Spots.write": (spots.write, {"path": tmp_path / "s.csv"}),
         "accuracy": (hp.accuracy, {"spots": spots, "slant_m": 100.0, "weather": weather, "aim_m": (0, 0), "accept": (),

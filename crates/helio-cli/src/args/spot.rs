@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use clap::{Args as ClapArgs, ValueEnum};
-use helio_io::parse_threshold;
-use helio_spot::{RawFormat, Threshold};
+use helio_io::{RawFrames, parse_raw, parse_size, parse_threshold};
+use helio_spot::Threshold;
 
 use super::{OutArgs, number, positive_m};
 
@@ -43,8 +43,8 @@ pub(crate) struct SpotArgs {
     #[arg(long, value_name = "GRAY", value_parser = clap::value_parser!(u32).range(1..=65_535))]
     pub(crate) white: Option<u32>,
     /// Size and format of raw video: WIDTHxHEIGHT, of 8 bit unless :gray16le follows
-    #[arg(long, value_name = "WIDTHxHEIGHT[:FORMAT]", value_parser = raw)]
-    pub(crate) raw: Option<Raw>,
+    #[arg(long, value_name = "WIDTHxHEIGHT[:FORMAT]", value_parser = parse_raw)]
+    pub(crate) raw: Option<RawFrames>,
     /// Frames per second, for the times of the rows: each frame, read or not, by its place in the list
     #[arg(long, value_name = "RATE", requires = "start", value_parser = rate)]
     pub(crate) fps: Option<f64>,
@@ -80,14 +80,6 @@ pub(crate) struct ExpectedPlace {
     pub(crate) sigma_m: Option<f64>,
 }
 
-/// Frames of raw video.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Raw {
-    pub(crate) width: usize,
-    pub(crate) height: usize,
-    pub(crate) format: RawFormat,
-}
-
 /// Synthetic camera frames of a target with a spot on it, and where the spot truly is
 ///
 /// Writes 000001.png, …, truth.csv (file, u_m, v_m, x_px, y_px, share_on_target, on_target_u_m, on_target_v_m) and
@@ -114,7 +106,7 @@ pub(crate) struct SimulateImagesArgs {
     #[arg(long, value_name = "N", default_value = "1")]
     pub(crate) seed: u64,
     /// Pixels of a frame
-    #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "768x576", value_parser = size)]
+    #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "768x576", value_parser = parse_size)]
     pub(crate) size: (usize, usize),
     /// Bits of a gray value
     #[arg(long, value_name = "BITS", default_value = "8", value_parser = ["8", "16"])]
@@ -222,31 +214,6 @@ fn expected(text: &str) -> Result<ExpectedPlace, String> {
     }
 }
 
-fn size(text: &str) -> Result<(usize, usize), String> {
-    let wanted = "wanted WIDTHxHEIGHT in pixels, such as 768x576";
-    let (width, height) = text.split_once('x').ok_or(wanted)?;
-    let side = |text: &str| match text.parse::<usize>() {
-        Ok(side) if (1..=65_535).contains(&side) => Ok(side),
-        _ => Err(format!("{wanted}; each in 1..=65535")),
-    };
-    Ok((side(width)?, side(height)?))
-}
-
-fn raw(text: &str) -> Result<Raw, String> {
-    let (text, format) = match text.split_once(':') {
-        None => (text, RawFormat::Gray8),
-        Some((text, "gray8" | "gray")) => (text, RawFormat::Gray8),
-        Some((text, "gray16le")) => (text, RawFormat::Gray16Le),
-        Some(_) => return Err("wanted gray8 or gray16le after the colon".into()),
-    };
-    let (width, height) = size(text)?;
-    Ok(Raw {
-        width,
-        height,
-        format,
-    })
-}
-
 fn rate(text: &str) -> Result<f64, String> {
     number(text, 1e-6, 1e6, "frames per second")
 }
@@ -276,11 +243,6 @@ mod tests {
         assert_eq!(expected("0.5,-0.2").map(|e| e.v_m), Ok(-0.2));
         for text in ["1", "1,2,0", "1,2,3,4", "1,nan", "a,b"] {
             assert!(expected(text).is_err(), "{text}");
-        }
-        let video = raw("1920x1080:gray16le").unwrap();
-        assert_eq!((video.width, video.format), (1920, RawFormat::Gray16Le));
-        for text in ["1920", "0x5", "5x5:rgb24", "5x70000", "axb"] {
-            assert!(raw(text).is_err(), "{text}");
         }
     }
 }

@@ -1,18 +1,17 @@
 //! `predict`: where each beam lands, from axis angles.
 
+use std::ops::Range;
 use std::sync::atomic::Ordering;
 
 use helio_core::tracking::Prediction;
-use helio_core::{EnuUnit, OffsetForm, Status, TargetPlane, TrackOptions, Tracker};
+use helio_core::{EnuUnit, Status, TrackOptions};
 use helio_io::output::{Layout, Moment, Moments, Number, Rows, Scale};
-use helio_io::{Angles, AnglesSun, LoadedField, load_angles};
+use helio_io::{Angles, AnglesSun, LoadedField, RowPredictor, RowPredictorError, load_angles};
 
-use super::track::{latitude_rad, stop_on_signals};
+use super::track::stop_on_signals;
 use crate::Outcome;
 use crate::args::{NO_SHADING, PredictArgs};
 use crate::failure::Failure;
-use helio_calib::aiming::hour_angle_rad;
-
 use crate::plan::{self, SunClock, Suns, degrees_as_written, toward};
 use crate::printer::{Bytes, Grouped, Printer, Tally};
 
@@ -41,7 +40,7 @@ pub(crate) fn run(args: &PredictArgs, printer: &Printer) -> Result<Outcome, Fail
         ..TrackOptions::default()
     };
 
-    let mut predictor = Predictor::new(&loaded, options)?;
+    let mut predictor = RowPredictor::new(&loaded, options)?;
     let mut block = Block::default();
     let mut tally = Tally::default();
     let stop = stop_on_signals();
@@ -49,8 +48,10 @@ pub(crate) fn run(args: &PredictArgs, printer: &Printer) -> Result<Outcome, Fail
     let mut progress = printer.progress(rows as u64);
     let mut start = 0;
     while start < rows {
-        let end = group_end(&angles, &suns, start, &mut predictor.seen);
-        predictor.predict(&angles, start..end, &suns, &mut block)?;
+        let end = predictor.group_end(&angles, start, |a, b| suns.same(a, b));
+        let (sun, unix_ns) = (suns.suns[start], suns.unix_ns.get(start).copied());
+        let landed = predictor.predict(&angles, start..end, sun, unix_ns)?;
+        block.add(&angles, start..end, landed);
         progress.advance((end - start) as u64);
         start = end;
         if block.status.len() >= format.rows_per_block() || start == rows {
@@ -116,6 +117,12 @@ fn row_suns(
             "the sun of the command line wins over that of the table"
         ));
     }
+    if !typed && angles.times_unused {
+        printer.warn(format_args!(
+            "{}: it states both times and the sun's angles; the angles say where the sun is",
+            args.angles.display()
+        ));
+    }
     match &angles.sun {
         AnglesSun::Times { unix_ns } if !typed => {
             let (azimuth_rad, elevation_rad) = SunClock::needed(loaded)?.suns(unix_ns)?;
@@ -158,101 +165,14 @@ fn row_suns(
     }
 }
 
-/// The end of the rows from `start` on that have the same sun and name each heliostat once.
-fn group_end(angles: &Angles, suns: &RowSuns, start: usize, seen: &mut [usize]) -> usize {
-    let mut end = start;
-    while end < angles.heliostat.len() && suns.same(start, end) {
-        // A mark that is this group's own start needs no clearing between groups.
-        let mark = &mut seen[angles.heliostat[end]];
-        if *mark == start {
-            break;
+impl From<RowPredictorError> for Failure {
+    fn from(error: RowPredictorError) -> Self {
+        match error {
+            RowPredictorError::Field(error) => error.into(),
+            RowPredictorError::Track(error) => error.into(),
+            RowPredictorError::Calibration(error) => error.into(),
+            other => Self::refused(other.to_string()),
         }
-        *mark = start;
-        end += 1;
-    }
-    end
-}
-
-struct Predictor<'a> {
-    loaded: &'a LoadedField,
-    tracker: Tracker,
-    changing: Option<(helio_core::Field, f64)>,
-    options: TrackOptions,
-    planes: Vec<TargetPlane>,
-    seen: Vec<usize>,
-    axis1_rad: Vec<f64>,
-    axis2_rad: Vec<f64>,
-    prediction: Prediction,
-}
-
-impl<'a> Predictor<'a> {
-    fn new(loaded: &'a LoadedField, options: TrackOptions) -> Result<Self, Failure> {
-        let n = loaded.field.len();
-        let planes: Result<_, _> = (0..n).map(|row| loaded.plane_for(row)).collect();
-        let changing = match &loaded.schedule {
-            Some(_) => Some((loaded.field.clone(), latitude_rad(loaded)?)),
-            None => None,
-        };
-        Ok(Self {
-            loaded,
-            // Forward needs no offset form: the mirror's centre lies where it lies.
-            tracker: Tracker::new(&loaded.field, OffsetForm::Exact)?,
-            changing,
-            options,
-            planes: planes?,
-            seen: vec![usize::MAX; n],
-            axis1_rad: vec![f64::NAN; n],
-            axis2_rad: vec![f64::NAN; n],
-            prediction: Prediction::default(),
-        })
-    }
-
-    fn predict(
-        &mut self,
-        angles: &Angles,
-        rows: std::ops::Range<usize>,
-        suns: &RowSuns,
-        block: &mut Block,
-    ) -> Result<(), Failure> {
-        let first = rows.start;
-        let sun = suns.suns[first];
-        if let (Some(schedule), Some((field, latitude_rad))) =
-            (&self.loaded.schedule, &mut self.changing)
-        {
-            let hour_rad = hour_angle_rad(sun, *latitude_rad);
-            if schedule.update(field, suns.unix_ns.get(first).copied(), hour_rad)? {
-                self.tracker = Tracker::new(field, OffsetForm::Exact)?;
-            }
-        }
-        self.axis1_rad.fill(f64::NAN);
-        self.axis2_rad.fill(f64::NAN);
-        for row in rows.clone() {
-            self.axis1_rad[angles.heliostat[row]] = angles.axis1_rad[row];
-            self.axis2_rad[angles.heliostat[row]] = angles.axis2_rad[row];
-        }
-        let p = &mut self.prediction;
-        let (axis1, axis2) = (&self.axis1_rad, &self.axis2_rad);
-        self.tracker
-            .predict_into(sun, axis1, axis2, &self.planes, &self.options, p)?;
-        let columns = [
-            &p.u_m,
-            &p.v_m,
-            &p.east_m,
-            &p.north_m,
-            &p.up_m,
-            &p.beam_error_rad,
-        ];
-        for row in rows {
-            let heliostat = angles.heliostat[row];
-            for (numbers, column) in block.numbers.iter_mut().zip(columns) {
-                numbers.push(column[heliostat]);
-            }
-            block.status.push(p.status[heliostat]);
-            block.heliostats.push(heliostat as u32);
-        }
-        block.firsts.push(first);
-        block.ends.push(block.status.len());
-        Ok(())
     }
 }
 
@@ -268,6 +188,26 @@ struct Block {
 }
 
 impl Block {
+    fn add(&mut self, angles: &Angles, rows: Range<usize>, p: &Prediction) {
+        self.firsts.push(rows.start);
+        let columns = [
+            &p.u_m,
+            &p.v_m,
+            &p.east_m,
+            &p.north_m,
+            &p.up_m,
+            &p.beam_error_rad,
+        ];
+        for &heliostat in &angles.heliostat[rows] {
+            for (numbers, column) in self.numbers.iter_mut().zip(columns) {
+                numbers.push(column[heliostat]);
+            }
+            self.status.push(p.status[heliostat]);
+            self.heliostats.push(heliostat as u32);
+        }
+        self.ends.push(self.status.len());
+    }
+
     fn write(
         &mut self,
         suns: &RowSuns,

@@ -1,13 +1,13 @@
 //! `spot`: camera frames into places on the target.
 
-use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use helio_io::{
-    CameraTarget, FinderRoom, IoError, SpotFinder, SpotMethod, SpotRow, SpotWords, frame_files,
-    load_target, read_frame, write_spots,
+    CameraTarget, FinderRoom, FrameClock, FrameNumberError, OverlayError, OverlayFolder, RawFrames,
+    SpotFinder, SpotMethod, SpotRow, SpotWords, frame_files, frame_gap, load_target, parse_time,
+    read_frame, write_spots,
 };
 use helio_spot::{Frame, Limits, RawVideo, SpotStatus};
 use rayon::prelude::*;
@@ -15,9 +15,7 @@ use rayon::prelude::*;
 use super::track::stop_on_signals;
 use crate::Outcome;
 use crate::args::{MethodWord, SpotArgs};
-use crate::clock::{Clock, gaps};
 use crate::failure::Failure;
-use crate::overlay;
 use crate::plan;
 use crate::printer::{Bytes, Counted, Grouped, Printer};
 
@@ -27,25 +25,26 @@ pub(crate) fn run(args: &SpotArgs, printer: &Printer) -> Result<Outcome, Failure
     let source = Source::of(args, printer)?;
     let target = load_target(&args.target)?;
     let finder = SpotFinder::new(&target, method(args, &target)?);
-    let clock = Clock::of(args, source.files())?;
+    let clock = clock(args, source.files())?;
     if clock.is_some()
         && !args.numbered
-        && let Some(gap) = gaps(source.files())
+        && let Some(gap) = frame_gap(source.files())
     {
-        let [before, after] = &gap.between;
         printer.warn(format_args!(
-            "the numbers in the names leave some out: after {} comes {} ({}); times go by the place in the list, so that \
-             frames which are missing shift those after them: --numbered takes times from the numbers",
-            before.display(),
-            after.display(),
-            Counted(gap.count, "such place")
+            "{gap}: --numbered takes times from the numbers"
         ));
     }
     let mut inputs = vec![args.target.clone()];
     inputs.extend(source.files().iter().cloned());
     let destination = plan::destination(args.out.out.as_deref(), format, &inputs, printer)?;
     let overlay = match &args.overlay {
-        Some(folder) => Some(Overlay::new(folder, source.files(), &inputs)?),
+        Some(folder) => {
+            let overlay = OverlayFolder::new(folder, source.files(), &inputs);
+            Some(overlay.map_err(|error| match error {
+                OverlayError::Io(error) => error.into(),
+                other => Failure::refused(format!("--overlay: {other}")),
+            })?)
+        }
         None => None,
     };
 
@@ -62,7 +61,7 @@ pub(crate) fn run(args: &SpotArgs, printer: &Printer) -> Result<Outcome, Failure
             }
         };
         if let (Some(overlay), Some(frame), Some(drawing)) = (&overlay, &frame, &drawing) {
-            overlay::write(&overlay.path(index), frame, drawing)?;
+            overlay.write_frame(index, frame, drawing)?;
         }
         if let Ok(mut progress) = progress.lock() {
             progress.advance(1);
@@ -139,7 +138,7 @@ impl std::fmt::Display for Words<'_> {
 /// Where frames come from.
 enum Source {
     Files(Vec<PathBuf>),
-    Video(crate::args::Raw),
+    Video(RawFrames),
 }
 
 impl Source {
@@ -155,12 +154,8 @@ impl Source {
             )),
             None => {
                 let files = frame_files(&args.files)?;
-                if let Some(first) = files.again.first() {
-                    printer.warn(format_args!(
-                        "{} named more than once and taken once, first {}",
-                        Counted(files.again.len(), "file"),
-                        first.display()
-                    ));
+                if let Some(again) = files.warning() {
+                    printer.warn(format_args!("{again}"));
                 }
                 Ok(Self::Files(files.paths))
             }
@@ -224,63 +219,22 @@ impl Job<'_> {
     }
 }
 
-/// Where pictures of what was found go.
-struct Overlay {
-    folder: PathBuf,
-    /// Name of each file without its suffix; none for video.
-    stems: Vec<String>,
-    /// Whether frames are numbered because names stand several times.
-    numbered: bool,
-}
-
-impl Overlay {
-    fn new(folder: &Path, files: &[PathBuf], inputs: &[PathBuf]) -> Result<Self, Failure> {
-        let stem = |path: &PathBuf| {
-            let stem = path.file_stem().unwrap_or(path.as_os_str());
-            stem.to_string_lossy().into_owned()
-        };
-        let stems: Vec<String> = files.iter().map(stem).collect();
-        let different: HashSet<&String> = stems.iter().collect();
-        let overlay = Self {
-            folder: folder.to_path_buf(),
-            numbered: different.len() < stems.len(),
-            stems,
-        };
-        if folder.exists() && !folder.is_dir() {
-            return Err(Failure::refused(format!(
-                "--overlay: {} is a file; wanted a folder for the pictures",
-                folder.display()
-            )));
-        }
-        std::fs::create_dir_all(folder).map_err(|error| IoError::write(folder, error))?;
-        // A frame must not be replaced by what is drawn over it.
-        let inputs: HashSet<PathBuf> = inputs
-            .iter()
-            .filter_map(|p| p.canonicalize().ok())
-            .collect();
-        for index in 0..overlay.stems.len() {
-            let path = overlay.path(index);
-            if path
-                .canonicalize()
-                .is_ok_and(|there| inputs.contains(&there))
-            {
-                return Err(Failure::refused(format!(
-                    "--overlay: {} is a frame that this run reads; wanted another folder",
-                    path.display()
-                )));
-            }
-        }
-        Ok(overlay)
+/// When frames were taken, if that is told.
+fn clock(args: &SpotArgs, files: &[PathBuf]) -> Result<Option<FrameClock>, Failure> {
+    let (Some(start), Some(fps)) = (&args.start, args.fps) else {
+        return Ok(None);
+    };
+    let start_ns =
+        parse_time(start).map_err(|error| Failure::refused(format!("--start: {error}")))?;
+    let clock = FrameClock::new(start_ns, fps);
+    if !args.numbered {
+        return Ok(Some(clock));
     }
-
-    fn path(&self, index: usize) -> PathBuf {
-        let name = match self.stems.get(index) {
-            None => format!("frame-{index:06}.png"),
-            Some(stem) if self.numbered => format!("{index:06}-{stem}.png"),
-            Some(stem) => format!("{stem}.png"),
-        };
-        self.folder.join(name)
-    }
+    let numbered = clock.numbered(files).map_err(|error| match error {
+        FrameNumberError::NoFiles => Failure::refused(format!("--numbered is for files; {error}")),
+        other => Failure::refused(format!("--numbered: {other}")),
+    })?;
+    Ok(Some(numbered))
 }
 
 /// How spots are found.

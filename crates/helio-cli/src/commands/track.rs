@@ -4,15 +4,12 @@ use std::borrow::Cow;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use helio_calib::joint::Leftover;
-use helio_calib::{Mount, Parameters};
-use helio_core::drive::Drive;
-use helio_core::{
-    AxisLimits, EnuUnit, Field, Present, Status, TargetPlane, TrackOptions, Tracker, Tracking,
+use helio_core::{EnuUnit, Field, Present, Status, TrackOptions, Tracker, Tracking};
+use helio_io::output::{Layout, Rows};
+use helio_io::{
+    BeamsBack, CalibrationSchedule, Corrections, CorrectionsError, LoadedField, PresentAngles,
+    beyond_drives, by_row, load_present, tracked_numbers,
 };
-use helio_io::output::{Layout, Number, Rows, Scale};
-use helio_io::{CalibrationSchedule, LoadedField, PresentAngles, load_leftovers, load_present};
-use rayon::prelude::*;
 
 use crate::Outcome;
 use crate::args::{NO_SHADING, TrackArgs};
@@ -21,9 +18,6 @@ use crate::plan::{self, SunBlock, Suns};
 use crate::plot::Plot;
 use crate::printer::{Bytes, Grouped, Printer, Tally};
 use helio_calib::aiming::hour_angle_rad;
-
-/// Rows from which a simple pass is worth a second thread.
-const ROWS_PER_TASK: usize = 1 << 15;
 
 pub(crate) fn run(args: &TrackArgs, printer: &Printer) -> Result<Outcome, Failure> {
     let threads = plan::threads(args.out.threads)?;
@@ -45,7 +39,7 @@ pub(crate) fn run(args: &TrackArgs, printer: &Printer) -> Result<Outcome, Failur
     inputs.extend(args.suns.clone());
     inputs.extend(args.leftovers.clone());
     let leftovers = match &args.leftovers {
-        Some(path) => Some(Leftovers::load(path, &loaded, printer)?),
+        Some(path) => Some(corrections(path, &loaded, printer)?),
         None => None,
     };
     let mut plot = match &args.plot {
@@ -63,13 +57,25 @@ pub(crate) fn run(args: &TrackArgs, printer: &Printer) -> Result<Outcome, Failur
         }
         None => None,
     };
-    let layout = layout(&loaded, suns.moment(), leftovers.is_some(), args.verify);
+    let layout = Layout {
+        ids: loaded.field.ids().to_vec(),
+        moment: suns.moment(),
+        numbers: tracked_numbers(loaded.has_drives(), leftovers.is_some(), args.verify),
+    };
     let per_block = layout.suns_per_block(format);
     let mut writer = plan::writer(&args.out, format, layout, &inputs, printer)?;
 
     let stop = stop_on_signals();
     let mut tally = Tally::default();
     let mut verified = Verified::default();
+    let mut back = match args.verify {
+        true => {
+            let planes = (0..loaded.field.len()).map(|row| loaded.plane_for(row));
+            let planes = planes.collect::<Result<_, _>>()?;
+            Some(BeamsBack::new(&loaded.drives, planes, options))
+        }
+        false => None,
+    };
     let mut progress = printer.progress(suns.len() as u64);
     for first in (0..suns.len()).step_by(per_block) {
         let block = suns.block(first, per_block)?;
@@ -78,8 +84,11 @@ pub(crate) fn run(args: &TrackArgs, printer: &Printer) -> Result<Outcome, Failur
         }
         run.track(&block)?;
         let mut answers = run.answers();
-        let corrected = leftovers.as_ref().map(|l| l.correct(&answers));
-        if let Some([axis1_rad, axis2_rad, ..]) = &corrected {
+        let corrected = leftovers
+            .as_ref()
+            .map(|l| l.correct(answers.axis1_rad, answers.axis2_rad, answers.status));
+        if let Some(corrected) = &corrected {
+            let [axis1_rad, axis2_rad] = &corrected.axes_rad;
             answers = Answers {
                 axis1_rad,
                 axis2_rad,
@@ -92,16 +101,18 @@ pub(crate) fn run(args: &TrackArgs, printer: &Printer) -> Result<Outcome, Failur
         if loaded.has_drives() {
             let [one, two] = [0, 1].map(|axis| {
                 let angles = [answers.axis1_rad, answers.axis2_rad][axis];
-                by_row(&loaded, angles, |drives, angle| drives[axis]?.steps(angle))
+                by_row(&loaded.drives, angles, |drives, angle| {
+                    drives[axis]?.steps(angle)
+                })
             });
-            beyond_drives(&loaded, [&one, &two], &mut status);
+            beyond_drives(&loaded.drives, [&one, &two], &mut status);
             steps = Some([one, two]);
         }
         let mut errors = None;
-        if args.verify {
-            let turns = corrected.as_ref().map(|[_, _, turns @ .., _, _]| turns);
+        if let Some(back) = &mut back {
+            let turns = corrected.as_ref().map(|corrected| &corrected.turns_rad);
             errors =
-                Some(verified.verify(&run, &loaded, &block, (&answers, turns), status.to_mut())?);
+                Some(verified.verify(&run, back, &block, (&answers, turns), status.to_mut())?);
         }
         let mut excess_rad = Cow::Borrowed(answers.limit_excess_rad);
         if let Cow::Owned(status) = &status {
@@ -123,7 +134,8 @@ pub(crate) fn run(args: &TrackArgs, printer: &Printer) -> Result<Outcome, Failur
             &*excess_rad,
         ];
         columns.extend(steps.iter().flatten().map(Vec::as_slice));
-        columns.extend(corrected.iter().flat_map(|c| &c[2..]).map(Vec::as_slice));
+        let of_leftovers = corrected.iter().flat_map(|c| [&c.turns_rad, &c.sigmas_rad]);
+        columns.extend(of_leftovers.flatten().map(Vec::as_slice));
         columns.extend(errors.as_deref());
         tally.add(answers.status);
         if let Some(plot) = &mut plot {
@@ -167,44 +179,6 @@ pub(crate) fn run(args: &TrackArgs, printer: &Printer) -> Result<Outcome, Failur
     })
 }
 
-fn layout(
-    loaded: &LoadedField,
-    moment: helio_io::output::Moment,
-    leftovers: bool,
-    verify: bool,
-) -> Layout {
-    let mut numbers = vec![
-        Number::degrees("azimuth_deg"),
-        Number::degrees("elevation_deg"),
-        Number::degrees("incidence_deg"),
-        // The one number of a row without an answer: by how much it has none.
-        Number::degrees("limit_excess_deg").also(Status::OutsideLimits),
-    ];
-    if loaded.has_drives() {
-        numbers.push(Number::new("axis1_steps", Scale::Whole));
-        numbers.push(Number::new("axis2_steps", Scale::Whole));
-    }
-    if leftovers {
-        numbers.extend(
-            [
-                "leftover_axis1_mrad",
-                "leftover_axis2_mrad",
-                "sigma_axis1_mrad",
-                "sigma_axis2_mrad",
-            ]
-            .map(|name| Number::new(name, Scale::Milliradians)),
-        );
-    }
-    if verify {
-        numbers.push(Number::new("beam_error_mrad", Scale::Milliradians));
-    }
-    Layout {
-        ids: loaded.field.ids().to_vec(),
-        moment,
-        numbers,
-    }
-}
-
 /// Set when the user or the system wants an end: unfinished files are then removed as after any
 /// failure, which a plain death by signal would not do.
 pub(crate) fn stop_on_signals() -> &'static AtomicBool {
@@ -242,109 +216,22 @@ impl<'a> From<&'a Tracking> for Answers<'a> {
     }
 }
 
-/// What is left by pose, heliostat by heliostat.
-struct Leftovers {
-    of: Vec<Option<Known>>,
-}
-
-/// A heliostat whose leftovers are known.
-struct Known {
-    leftover: Leftover,
-    mount: Mount,
-    parameters: Parameters,
-    limits: AxisLimits,
-}
-
-/// Angles that differ by more than this are not those that leftovers were written for \[rad\].
-const SAME_RAD: f64 = 1e-9;
-
-impl Leftovers {
-    fn load(path: &Path, loaded: &LoadedField, printer: &Printer) -> Result<Self, Failure> {
-        if loaded.schedule.is_some() {
-            return Err(Failure::refused(format!(
-                "--leftovers: {} belongs to one calibration, and that of the field changes with the hour or the date",
-                path.display()
-            )));
-        }
-        let field = &loaded.field;
-        let mut others = 0;
-        let mut first = None;
-        let mut of = Vec::with_capacity(field.len());
-        for (row, leftover) in load_leftovers(path, field)?.into_iter().enumerate() {
-            let heliostat = &field.heliostats()[row];
-            let parameters = Parameters::new(&heliostat.errors, heliostat.mirror_offset_m);
-            let known = leftover.map(|leftover| {
-                let wanted = leftover.parts().angles_rad;
-                let mut pairs = wanted.iter().zip(&parameters.values);
-                if pairs.any(|(a, b)| (a - b).abs() > SAME_RAD) {
-                    others += 1;
-                    first.get_or_insert(row);
-                }
-                Known {
-                    leftover,
-                    mount: Mount::of(field.mode(), heliostat),
-                    parameters,
-                    limits: heliostat.limits,
-                }
-            });
-            of.push(known);
-        }
-        if let Some(first) = first {
-            printer.warn(format_args!(
-                "{}: {} now of another calibration than these leftovers were written for (first `{}`); write them \
-                 anew with calibrate --joint",
-                path.display(),
-                match others {
-                    1 => "1 heliostat is".to_owned(),
-                    others => format!("{} heliostats are", Grouped(others)),
-                },
-                field.ids()[first]
-            ));
-        }
-        Ok(Self { of })
+fn corrections(
+    path: &Path,
+    loaded: &LoadedField,
+    printer: &Printer,
+) -> Result<Corrections, Failure> {
+    let found = Corrections::load(path, &loaded.field, loaded.schedule.as_ref());
+    let found = found.map_err(|error| match error {
+        CorrectionsError::Table(error) => error.into(),
+        changing => Failure::refused(format!("--leftovers: {changing}")),
+    })?;
+    if let Some(others) = found.of_another_calibration() {
+        printer.warn(format_args!(
+            "{others}; write them anew with calibrate --joint"
+        ));
     }
-
-    /// Angles of both axes, the corrections that are in them, and one standard deviation of what is still wrong, of
-    /// every row \[rad\]. Limits are kept: a correction ends at them.
-    fn correct(&self, answers: &Answers<'_>) -> [Vec<f64>; 6] {
-        let rows: Vec<[f64; 6]> = (0..answers.status.len())
-            .into_par_iter()
-            .map(|row| {
-                let [one, two] = [answers.axis1_rad[row], answers.axis2_rad[row]];
-                match &self.of[row % self.of.len()] {
-                    Some(known) if answers.status[row] == Status::Ok => known.correct(one, two),
-                    _ => [one, two, f64::NAN, f64::NAN, f64::NAN, f64::NAN],
-                }
-            })
-            .collect();
-        std::array::from_fn(|k| rows.iter().map(|row| row[k]).collect())
-    }
-}
-
-impl Known {
-    fn correct(&self, axis1_rad: f64, axis2_rad: f64) -> [f64; 6] {
-        let turn = self.leftover.turn_rad(axis1_rad, axis2_rad);
-        let limits = &self.limits;
-        let corrected = [
-            (axis1_rad + turn[0])
-                .max(limits.axis1_min_rad)
-                .min(limits.axis1_max_rad),
-            (axis2_rad + turn[1])
-                .max(limits.axis2_min_rad)
-                .min(limits.axis2_max_rad),
-        ];
-        let sigma = self
-            .leftover
-            .sigma_rad(&self.mount, &self.parameters, axis1_rad, axis2_rad);
-        [
-            corrected[0],
-            corrected[1],
-            corrected[0] - axis1_rad,
-            corrected[1] - axis2_rad,
-            sigma[0],
-            sigma[1],
-        ]
-    }
+    Ok(found)
 }
 
 /// Everything that tracking one block after another needs.
@@ -505,40 +392,6 @@ pub(crate) fn latitude_rad(loaded: &LoadedField) -> Result<f64, Failure> {
     }
 }
 
-/// A number for each row from its heliostat's drives and its angle; NaN where there is none.
-fn by_row(
-    loaded: &LoadedField,
-    angles: &[f64],
-    number: impl Fn(&[Option<Drive>; 2], f64) -> Option<f64> + Sync,
-) -> Vec<f64> {
-    let n = loaded.drives.len().max(1);
-    angles
-        .par_iter()
-        .enumerate()
-        .with_min_len(ROWS_PER_TASK)
-        .map(|(row, &angle)| {
-            if angle.is_nan() {
-                return f64::NAN;
-            }
-            number(&loaded.drives[row % n], angle).unwrap_or(f64::NAN)
-        })
-        .collect()
-}
-
-/// Marks the rows whose angles no steps of their drive lead to.
-fn beyond_drives(loaded: &LoadedField, steps: [&[f64]; 2], status: &mut Cow<'_, [Status]>) {
-    let n = loaded.drives.len().max(1);
-    for row in 0..status.len() {
-        if steps[0][row].is_nan() || steps[1][row].is_nan() {
-            let drives = &loaded.drives[row % n];
-            let lacks = |axis: usize| drives[axis].is_some() && steps[axis][row].is_nan();
-            if status[row] == Status::Ok && (lacks(0) || lacks(1)) {
-                status.to_mut()[row] = Status::OutsideLimits;
-            }
-        }
-    }
-}
-
 /// What became of the beams that were followed back.
 #[derive(Debug, Default)]
 struct Verified {
@@ -546,7 +399,6 @@ struct Verified {
     sum_of_squares: f64,
     greatest_rad: f64,
     misses: u64,
-    planes: Vec<TargetPlane>,
 }
 
 impl Verified {
@@ -555,33 +407,15 @@ impl Verified {
     fn verify(
         &mut self,
         run: &Run<'_>,
-        loaded: &LoadedField,
+        back: &mut BeamsBack<'_>,
         block: &SunBlock,
         (answers, turns): (&Answers<'_>, Option<&[Vec<f64>; 2]>),
         status: &mut [Status],
     ) -> Result<Vec<f64>, Failure> {
-        let n = loaded.field.len();
-        if self.planes.is_empty() {
-            let planes: Result<_, _> = (0..n).map(|row| loaded.plane_for(row)).collect();
-            self.planes = planes?;
-        }
-        let [mut axis1_rad, mut axis2_rad] = [0, 1].map(|axis| {
-            let angles = [answers.axis1_rad, answers.axis2_rad][axis];
-            by_row(loaded, angles, |drives, angle| match &drives[axis] {
-                Some(drive) => drive.quantised_rad(angle),
-                None => Some(angle),
-            })
-        });
-        if let Some(turns) = turns {
-            // followed back through the angles alone, a correction would look like an error
-            for (angles, turns) in [&mut axis1_rad, &mut axis2_rad].into_iter().zip(turns) {
-                for (angle, turn) in angles.iter_mut().zip(turns) {
-                    *angle -= if turn.is_nan() { 0.0 } else { *turn };
-                }
-            }
-        }
-        let mut errors = Vec::with_capacity(answers.status.len());
-        let mut prediction = helio_core::tracking::Prediction::default();
+        let turns = turns.map(|turns| turns.each_ref().map(Vec::as_slice));
+        let [axis1_rad, axis2_rad] = back.angles_rad([answers.axis1_rad, answers.axis2_rad], turns);
+        let n = run.tracker.len();
+        let mut errors = Vec::with_capacity(status.len());
         // A calibration that changes has left the tracker at the last sun of the block.
         let mut changing = run.changing.as_ref().map(|c| (c, c.field.clone()));
         let mut tracker = Cow::Borrowed(&run.tracker);
@@ -594,31 +428,19 @@ impl Verified {
                 }
             }
             let rows = sun * n..(sun + 1) * n;
-            tracker.predict_into(
-                toward,
-                &axis1_rad[rows.clone()],
-                &axis2_rad[rows.clone()],
-                &self.planes,
-                &run.options,
-                &mut prediction,
-            )?;
-            for (heliostat, row) in rows.enumerate() {
-                let mut error_rad = f64::NAN;
-                if status[row] == Status::Ok {
-                    if axis1_rad[row].is_nan() || axis2_rad[row].is_nan() {
-                        // The whole step nearest to an end of the drive lies beyond it.
-                        status[row] = Status::OutsideLimits;
-                    } else if prediction.status[heliostat] == Status::Ok {
-                        error_rad = prediction.beam_error_rad[heliostat];
-                        self.beams += 1;
-                        self.sum_of_squares += error_rad * error_rad;
-                        self.greatest_rad = self.greatest_rad.max(error_rad);
-                    } else {
-                        status[row] = Status::MissesTarget;
-                        self.misses += 1;
-                    }
-                }
-                errors.push(error_rad);
+            let angles = [&axis1_rad[rows.clone()], &axis2_rad[rows.clone()]];
+            let status = &mut status[rows.clone()];
+            let missed = |status: &[Status]| {
+                let misses = status.iter().filter(|&&s| s == Status::MissesTarget);
+                misses.count() as u64
+            };
+            let before = missed(status);
+            back.sun(&tracker, toward, angles, status, &mut errors)?;
+            self.misses += missed(status) - before;
+            for error_rad in errors[rows].iter().filter(|error| !error.is_nan()) {
+                self.beams += 1;
+                self.sum_of_squares += error_rad * error_rad;
+                self.greatest_rad = self.greatest_rad.max(*error_rad);
             }
         }
         Ok(errors)

@@ -1,6 +1,9 @@
 //! The spot in a camera's frame, as a row of the table of spots.
 
+mod clock;
 mod method;
+mod overlay;
+mod raw;
 mod rows;
 
 use std::io::Read;
@@ -15,7 +18,10 @@ use crate::error::IoError;
 use crate::spots::SpotRow;
 use crate::target::CameraTarget;
 
+pub use clock::{FrameClock, FrameGap, FrameNumberError, frame_gap};
 pub use method::{SpotMethod, SpotWords, UselessOption, parse_threshold};
+pub use overlay::{OverlayError, OverlayFolder};
+pub use raw::{RawFrames, parse_raw, parse_size};
 
 /// No camera writes larger files \[bytes\].
 const MOST_BYTES: u64 = 1 << 30;
@@ -25,14 +31,31 @@ const MOST_BYTES: u64 = 1 << 30;
 /// # Errors
 /// Why there is none, in words: what the column `reason` says of a frame that cannot be read.
 pub fn read_frame(path: &Path) -> Result<Frame, String> {
+    frame_of_file(path).unwrap_or_else(|error| Err(error.problem().to_string()))
+}
+
+/// Reads a frame, and tells a file that cannot be read from one that is no picture: `Ok(Err(_))`, with the reason.
+///
+/// # Errors
+/// [`IoError`] for a file that cannot be read.
+///
+/// ```
+/// let folder = tempfile::tempdir()?;
+/// let path = folder.path().join("a.png");
+/// assert!(helio_io::frame_of_file(&path).is_err());
+/// std::fs::write(&path, "nothing")?;
+/// assert!(helio_io::frame_of_file(&path)?.is_err());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn frame_of_file(path: &Path) -> Result<Result<Frame, String>, IoError> {
     let mut bytes = Vec::new();
-    let read = std::fs::File::open(path)
-        .and_then(|file| file.take(MOST_BYTES + 1).read_to_end(&mut bytes));
-    match read {
-        Err(error) => Err(IoError::read(path, error).problem().to_string()),
-        Ok(_) if bytes.len() as u64 > MOST_BYTES => Err("more than 1.07 GB of file".to_owned()),
-        Ok(_) => decode(&bytes, &Limits::default()).map_err(|error| error.to_string()),
+    std::fs::File::open(path)
+        .and_then(|file| file.take(MOST_BYTES + 1).read_to_end(&mut bytes))
+        .map_err(|error| IoError::read(path, error))?;
+    if bytes.len() as u64 > MOST_BYTES {
+        return Ok(Err("more than 1.07 GB of file".to_owned()));
     }
+    Ok(decode(&bytes, &Limits::default()).map_err(|error| error.to_string()))
 }
 
 /// Memory that a thread uses again and again.

@@ -65,6 +65,11 @@ fn angles_as_degrees_as_steps_and_as_track_wrote_them() {
             "id,axis1_deg,axis2_deg,time,sun_azimuth_deg,sun_elevation_deg\nA2,10,10,,180,30\n",
         )
         .with(
+            "both.csv",
+            "id,axis1_deg,axis2_deg,time,sun_azimuth_deg,sun_elevation_deg\n\
+             A2,10,10,1970-01-01T00:00:01Z,180,30\n",
+        )
+        .with(
             "track.csv",
             "time,id,azimuth_deg,elevation_deg,incidence_deg,limit_excess_deg,status\n\
              1970-01-01T00:00:01Z,A2,10,10,5,0,ok\n1970-01-01T00:00:01Z,A3,,,,,unreachable\n",
@@ -84,8 +89,12 @@ fn angles_as_degrees_as_steps_and_as_track_wrote_them() {
         }
     );
     assert_eq!(read("track.csv").skipped, 1);
-    let AnglesSun::Angles(suns) = read("degrees.csv").sun else {
-        panic!()
-    };
-    assert_eq!(suns.azimuth_rad, [radians(180.0)]);
+    for (name, unused) in [("degrees.csv", false), ("both.csv", true)] {
+        let angles = read(name);
+        assert_eq!(angles.times_unused, unused, "{name}");
+        let AnglesSun::Angles(suns) = angles.sun else {
+            panic!()
+        };
+        assert_eq!(suns.azimuth_rad, [radians(180.0)]);
+    }
 }

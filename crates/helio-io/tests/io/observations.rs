@@ -467,7 +467,9 @@ fn suns_counted_from_south_are_recognised() {
         }
         seen(&table)
     };
-    assert!(load(&table(&|deg| deg)).is_ok());
+    let both = load(&table(&|deg| deg)).unwrap();
+    let said = "records that state both a time and the sun's angles: 8 (first: line 2); the angles say where the sun is";
+    assert!(both.warnings[0].ends_with(said), "{:?}", both.warnings);
     let eastward = load(&table(&|deg| 180.0 - deg)).unwrap_err().to_string();
     assert!(
         eastward.contains("seen.csv:1: column `sun_azimuth_deg`")

@@ -22,6 +22,7 @@ from helio_py._accuracy import Accuracy, AccuracyFigure, accuracy
 from helio_py._begin import FieldCheck, init, schema
 from helio_py._calibrate import Calibration, calibrate
 from helio_py._campaign import SimulatedCampaign, simulate_campaign
+from helio_py._correct import Corrected, Verified, correct, verify
 from helio_py._errors import (
     AngleError,
     BusyError,
@@ -144,6 +145,7 @@ __all__ += [
     "TargetMap",
     "flux",
 ]
+__all__ += ["Corrected", "Verified", "correct", "verify"]
 __all__ += ["JointCalibration"]
 __all__ += ["Paint", "convert_paint"]
 __all__ += ["SimulatedObservations", "simulate_field", "simulate_observations"]

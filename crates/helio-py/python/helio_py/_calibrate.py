@@ -305,7 +305,7 @@ def calibrate(
     keep_all: bool = False,
     no_jumps: bool = False,
     max_year_pointing_mrad: float | None = None,
-    joint: Literal[False] = False,
+    joint: bool = False,
     update: None = None,
     state: str | PathLike[str] | None = None,
     ahead_days: float | None = None,

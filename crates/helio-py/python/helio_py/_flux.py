@@ -400,17 +400,13 @@ def _of_field(
         raise _option("time", "wanted a time, or sun_azimuth_rad and sun_elevation_rad, and not both")
     at = None
     if time is not None:
-        from helio_py._times import unix_ns  # which imports more than a package should by itself
+        from helio_py._times import instant  # which imports more than a package should by itself
 
-        at = unix_ns(time)
-        if at.ndim:
-            error = ShapeError(f"time: expected one instant, got an array of shape {at.shape}")
-            error.field = "time"
-            raise error
+        at = instant("time", time)
         sun = field.sun_position(time)
         angles = [sun.azimuth_rad, sun.elevation_rad]
     numbers = [number("sun_azimuth_rad", angles[0]), number("sun_elevation_rad", angles[1])]
-    return _flux_field(field, scene, numbers[0], numbers[1], None if at is None else int(at), report)
+    return _flux_field(field, scene, numbers[0], numbers[1], at, report)
 
 
 def _of_camera(

@@ -40,6 +40,31 @@ def sun_position(
     delta_t_s: float | None = None,
     ut1_utc_s: float = 0.0,
 ) -> SunPosition: ...
+def _correct(
+    field: Field,
+    columns: list[Any],
+    status: NDArray[np.uint8],
+    leftovers: Any,
+    progress: Callable[[int, int], Any] | None,
+) -> dict[str, Any]: ...
+def _verify(
+    field: Field,
+    columns: list[Any],
+    status: NDArray[np.uint8],
+    sun_azimuth_rad: ArrayLike,
+    sun_elevation_rad: ArrayLike,
+    times: Any | None,
+) -> list[Any]: ...
+def _tracked_table(
+    field: Field,
+    columns: list[Any],
+    status: NDArray[np.uint8],
+    parts: tuple[bool, bool],
+    kind: str,
+    times: Any | None,
+    sun_azimuth_rad: ArrayLike | None,
+    sun_elevation_rad: ArrayLike | None,
+) -> Any: ...
 def _predict(
     field: Field,
     azimuth_rad: ArrayLike,
@@ -47,6 +72,13 @@ def _predict(
     sun_azimuth_rad: ArrayLike,
     sun_elevation_rad: ArrayLike,
     times: Any | None,
+) -> list[Any]: ...
+def _predict_rows(
+    field: Field,
+    heliostat: list[int],
+    angles: Sequence[NDArray[np.float64]],
+    suns: Sequence[Any],
+    unix_ns: list[int] | None,
 ) -> list[Any]: ...
 def _landed_table(
     field: Field,
@@ -77,9 +109,21 @@ def _calibrate_joint(
 def _write_table(path: str | PathLike[str], columns: list[tuple[str, str, Any]]) -> int: ...
 def _write_text(path: str | PathLike[str], text: str) -> None: ...
 def _find_spots(
-    frames: list[Any], names: list[str], times: list[int] | None, asked: dict[str, Any], progress: Any | None
+    frames: list[Any],
+    names: list[str],
+    times: list[int] | None,
+    asked: dict[str, Any],
+    pictures: list[str],
+    alone: bool,
+    progress: Any | None,
 ) -> dict[str, Any]: ...
-def _frame_files(paths: Sequence[str | PathLike[str]]) -> list[Path]: ...
+def _find_raw_spots(
+    source: Any, raw: str, clock: tuple[int, float] | None, asked: dict[str, Any], progress: Any | None
+) -> dict[str, Any]: ...
+def _frame_files(paths: Sequence[str | PathLike[str]]) -> tuple[list[Path], str | None]: ...
+def _frame_times(
+    called: Sequence[str | PathLike[str]], frames: int, start_ns: int, fps: float, numbered: bool
+) -> tuple[list[int], str | None]: ...
 def _pixels_read(image: Any) -> int: ...
 def _accuracy(spots: Any, weather: Any | None, words: dict[str, Any]) -> _Judged: ...
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
-import numpy as np
-
 from helio_py._errors import OptionError
-from helio_py._native import Field, _angles, _landed_table, _predict
+from helio_py._native import Field, _angles, _landed_table, _predict, _predict_rows
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
 
@@ -46,10 +45,6 @@ class Prediction(NamedTuple):
         of `times` and the two angles says which suns the rows are of.
         """
         return _landed_table(field, list(self), kind, times, sun_azimuth_rad, sun_elevation_rad, None)
-
-
-#: Cells of the arrays that rows of a table are sorted into at once.
-_CELLS = 1 << 20
 
 
 @overload
@@ -142,49 +137,23 @@ def _refused(name: str, message: str) -> OptionError:
 
 
 def _of_table(field: Field, angles: Any, kind: str | None) -> Any:
-    """Row by row: rows of one sun that follow each other are predicted at once."""
+    """Row by row; rows of one sun that follow each other are predicted at once."""
     from helio_py._tables import checked_kind, kind_of
 
     wanted = kind_of(angles) if kind is None else checked_kind(kind)
     read = _angles(field, angles)
-    heliostat, times = read["heliostat"], read.get("unix_ns")
+    heliostats, times = read["heliostat"].tolist(), read.get("unix_ns")
     moment: list[Any]
     if times is not None:
         stamps = times.view("datetime64[ns]")
         sun = field.sun_position(stamps)
-        suns = np.stack([sun.azimuth_rad, sun.elevation_rad])
-        changed = times[1:] != times[:-1]
+        suns = [sun.azimuth_rad, sun.elevation_rad]
         moment = [stamps, None, None]
     elif "sun_azimuth_rad" in read:
-        suns = np.stack([read["sun_azimuth_rad"], read["sun_elevation_rad"]])
-        changed = (suns[:, 1:] != suns[:, :-1]).any(0)
-        moment = [None, suns[0].copy(), suns[1].copy()]
+        suns = [read["sun_azimuth_rad"], read["sun_elevation_rad"]]
+        moment = [None, *suns]
     else:
         raise _refused("azimuth_rad", "a table of angles wants a column time, or sun_azimuth_deg and sun_elevation_deg")
-    # A row of the arrays for each sun, or more where a heliostat comes again.
-    group = np.concatenate([[0], np.cumsum(changed)]) if len(heliostat) else np.zeros(0, dtype=np.int64)
-    rows = np.lexsort((np.arange(len(group)), heliostat, group))
-    again = np.zeros(len(group), dtype=np.int64)
-    same = (group[rows[1:]] == group[rows[:-1]]) & (heliostat[rows[1:]] == heliostat[rows[:-1]])
-    for before, row in zip(rows[:-1][same].tolist(), rows[1:][same].tolist(), strict=True):
-        again[row] = again[before] + 1
-    _, line = np.unique(np.stack([group, again]), axis=1, return_inverse=True)
-    line = line.reshape(-1)
-    lines = int(line.max()) + 1 if len(line) else 0
-    count = len(group)
-    columns: list[NDArray[Any]] = [np.full(shape, np.nan) for shape in (count, count, (count, 3), count)]
-    columns.append(np.zeros(count, dtype=np.uint8))
-    step = max(1, _CELLS // max(1, len(field)))
-    for first in range(0, lines, step):
-        here = np.flatnonzero((line >= first) & (line < first + step))
-        at = (line[here] - first, heliostat[here])
-        count = min(step, lines - first)
-        azimuth, elevation = np.full((2, count, len(field)), np.nan)
-        azimuth[at], elevation[at] = read["azimuth_rad"][here], read["elevation_rad"][here]
-        of_line = np.zeros(count, dtype=np.int64)
-        of_line[at[0]] = here
-        stamps_here = None if times is None else times[of_line].view("datetime64[ns]")
-        landed = _predict(field, azimuth, elevation, suns[0][of_line], suns[1][of_line], stamps_here)
-        for column, found in zip(columns, landed, strict=True):
-            column[here] = found[at]
-    return _landed_table(field, columns, wanted, moment[0], moment[1], moment[2], heliostat.tolist())
+    axes = [read["azimuth_rad"], read["elevation_rad"]]
+    landed = _predict_rows(field, heliostats, axes, suns, None if times is None else times.tolist())
+    return _landed_table(field, landed, wanted, moment[0], moment[1], moment[2], heliostats)

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     import os
     from collections.abc import Callable, Iterable, Sequence
 
-    from numpy.typing import NDArray
-
     from helio_py._native import _Campaign
 
 
@@ -251,12 +249,9 @@ class SimulatedObservations:
 
 
 def _instant(name: str, time: Any) -> int:
-    from helio_py._times import unix_ns  # which imports more than a package should by itself
+    from helio_py._times import instant  # which imports more than a package should by itself
 
-    at: NDArray[np.int64] = unix_ns(time)
-    if at.ndim:
-        raise wrong_value(name, f"wanted one instant, got an array of shape {at.shape}")
-    return int(at)
+    return instant(name, time)
 
 
 def _jump(jump: Any) -> tuple[int, float, float]:

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from helio_py._checked import array as checked_array
-from helio_py._checked import number, path, several, text, texts, whole, wrong_value
+from helio_py._checked import number, of, path, several, text, texts, whole, wrong_value
 from helio_py._errors import DataTypeError, ShapeError
-from helio_py._native import _find_spots, _frame_files, _write_table
+from helio_py._frames import clock, times_of, video
+from helio_py._native import _find_raw_spots, _find_spots, _frame_files, _write_table
 from helio_py._progress import reporter
 from helio_py._tables import ABSENT, Column, checked_kind, given_back
 from helio_py._toml import path_and_text
@@ -73,6 +74,7 @@ class Spots:
         self._columns = {name: cells for name, _, cells in self._table_columns}
         self._corners_px: NDArray[np.float64] = found["corners_px"]
         self._covariance_m2: NDArray[np.float64] = found["covariance_m2"]
+        self._warnings: list[str] = found.get("warnings", [])
 
     def __len__(self) -> int:
         return len(self._columns["file"])
@@ -174,6 +176,11 @@ class Spots:
         """Covariance of each centre on the target, shape (n, 2, 2) [m²]."""
         return self._covariance_m2.copy()
 
+    @property
+    def warnings(self) -> list[str]:
+        """Things worth saying about the frames that stop nothing: files named twice, numbers that are left out."""
+        return list(self._warnings)
+
     def to_table(self, kind: str = "dict") -> Any:
         """The table that ``helio-rs spot`` writes, as "dict" (of arrays), "pandas", "polars" or "pyarrow"."""
         return given_back(self._table_columns, checked_kind(kind))
@@ -197,14 +204,17 @@ def _picture(image: Any, what: str) -> NDArray[Any]:
     return np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("="))
 
 
-def _frames(images: Any) -> tuple[list[Any], list[str]]:
-    """Paths and arrays, and what they are called."""
+def _frames(images: Any) -> tuple[list[Any], list[str], list[str]]:
+    """Paths and arrays, what they are called, and what is to be said of them."""
     if isinstance(images, (str, os.PathLike)):
         images = [images]
     if isinstance(images, np.ndarray) and images.ndim not in (3, 4):
-        raise ShapeError(
-            f"images: expected shape (frames, rows, columns) or (frames, rows, columns, 3), got {images.shape};"
-            " find_spot takes a single frame"
+        raise of(
+            ShapeError(
+                f"images: expected shape (frames, rows, columns) or (frames, rows, columns, 3), got {images.shape};"
+                " find_spot takes a single frame"
+            ),
+            "images",
         )
     if isinstance(images, (bytes, Mapping)) or not isinstance(images, (np.ndarray, Iterable)):
         error = DataTypeError(f"images: expected paths or arrays, got {type(images).__name__}")
@@ -212,8 +222,8 @@ def _frames(images: Any) -> tuple[list[Any], list[str]]:
         raise error
     frames = several("images", images, "paths or arrays")
     if frames and all(isinstance(frame, (str, os.PathLike)) for frame in frames):
-        found = _frame_files([path("images", frame) for frame in frames])
-        return found, [os.fspath(path) for path in found]
+        found, warning = _frame_files([path("images", frame) for frame in frames])
+        return list(found), [os.fspath(path) for path in found], [] if warning is None else [warning]
     names = []
     for k, frame in enumerate(frames):
         if isinstance(frame, (str, os.PathLike)):
@@ -221,7 +231,7 @@ def _frames(images: Any) -> tuple[list[Any], list[str]]:
         else:
             frames[k] = _picture(frame, f"images: frame {k}")
             names.append(f"frame {k}")
-    return frames, names
+    return frames, names, []
 
 
 def _expected(expected: Any) -> tuple[float, float, float | None] | None:
@@ -233,7 +243,9 @@ def _expected(expected: Any) -> tuple[float, float, float | None] | None:
     return numbers[0], numbers[1], numbers[2] if len(numbers) == 3 else None
 
 
-def _asked(target: Any, method: str, threshold: str | None, expected: Any, white: int | None) -> dict[str, Any]:
+def _asked(
+    target: Any, method: str, threshold: str | None, expected: Any, white: int | None, overlay: Any = None
+) -> dict[str, Any]:
     file, toml = path_and_text(target, "target", "target.toml")
     return {
         "path": file,
@@ -242,6 +254,7 @@ def _asked(target: Any, method: str, threshold: str | None, expected: Any, white
         "threshold": None if threshold is None else text("threshold", threshold),
         "expected": _expected(expected),
         "white": None if white is None else whole("white", white, 1, 65_535),
+        "overlay": None if overlay is None else path("overlay", overlay),
     }
 
 
@@ -276,7 +289,8 @@ def find_spot(
     Returns
     -------
     Spot
-        A frame without target or spot is no error: its `status` says so.
+        A frame without target or spot is no error: its `status` says so, as of a file that is no picture. One that is not
+        there, or cannot be read, is a FileError.
 
     Raises
     ------
@@ -300,8 +314,8 @@ def find_spot(
     asked = _asked(target, method, threshold, expected, white)
     if isinstance(image, (str, os.PathLike)):
         file = path("image", image)
-        return Spots(_find_spots([file], [file], None, asked, None))[0]
-    return Spots(_find_spots([_picture(image, "image")], ["frame 0"], None, asked, None))[0]
+        return Spots(_find_spots([file], [file], None, asked, [], True, None))[0]
+    return Spots(_find_spots([_picture(image, "image")], ["frame 0"], None, asked, [], True, None))[0]
 
 
 def find_spots(
@@ -314,6 +328,11 @@ def find_spots(
     white: int | None = None,
     times: Any | None = None,
     names: Sequence[str] | None = None,
+    raw: str | None = None,
+    start: Any | None = None,
+    fps: float | None = None,
+    numbered: bool = False,
+    overlay: str | PathLike[str] | None = None,
     progress: Callable[[int, int], Any] | bool | None = None,
 ) -> Spots:
     """Where the spot of each of many frames is on the target.
@@ -322,16 +341,28 @@ def find_spots(
     ----------
     images : sequence of arrays or paths, array, or path
         Frames as ``find_spot`` takes them; an array of shape (n, rows, columns) or (n, rows, columns, 3); or what
-        ``helio-rs spot`` takes: files, folders, patterns such as "run/*.png", "@LIST". A file that is no picture keeps
-        its place as "unreadable".
+        ``helio-rs spot`` takes: files, folders, patterns such as "run/*.png", "@LIST". A file that is no picture or not
+        there keeps its place as "unreadable". With `raw` a path, bytes (whatever has a buffer of them, such as mmap), or
+        a file opened for bytes, such as the standard output of ffmpeg.
     target, method, threshold, expected, white
         As for ``find_spot``.
     times : array of shape (n,), optional
         When each frame was taken, with zone; ``accuracy`` wants them.
     names : sequence of str, optional
         What frames are called in place of their path or "frame k"; ``calibrate`` joins observations by them.
+    raw : str, optional
+        Raw gray video, its frames "WIDTHxHEIGHT" of 8 bit or "WIDTHxHEIGHT:gray16le", as ffmpeg's ``-f rawvideo
+        -pix_fmt gray`` writes it.
+    start, fps : time and float, optional
+        When the first frame was taken and how many a second, in place of `times`: each frame, read or not, by its place.
+    numbered : bool, default False
+        Times by the numbers in what frames are called instead (the last digits before the suffix; the first frame is at
+        `start`), so that frames which are missing shift none.
+    overlay : path, optional
+        Folder for a picture of each frame with marks, threshold, window and centre drawn in; made if it does not exist.
+        ``plot.spot_overlay`` draws for matplotlib.
     progress : callable or True, optional
-        Called with the numbers of frames done and of all; True for a bar of tqdm.
+        Called with the numbers of frames done and of all (of a stream of those read so far); True for a bar of tqdm.
 
     Returns
     -------
@@ -359,19 +390,42 @@ def find_spots(
     >>> (spots.u_m[1] - spots.u_m[0]).round(2)
     np.float64(0.5)
     """
-    asked = _asked(target, method, threshold, expected, white)
-    frames, called = _frames(images)
+    asked = _asked(target, method, threshold, expected, white, overlay)
+    taken = clock(start, fps, numbered, times)
+    if raw is not None:
+        return _of_video(images, text("raw", raw), taken, asked, progress, names=names, times=times, numbered=numbered)
+    frames, called, warnings = _frames(images)
+    of_files = all(isinstance(frame, os.PathLike) for frame in frames)
     if names is not None:
         called = texts("names", names)
         if len(called) != len(frames):
-            raise ShapeError(f"names: expected shape ({len(frames)},), got ({len(called)},)")
-    taken = None
-    if times is not None:
-        from helio_py._times import unix_ns  # which brings more of NumPy with it than most calls want
-
-        found = unix_ns(times)
-        if found.shape != (len(frames),):
-            raise ShapeError(f"times: expected shape ({len(frames)},), got {found.shape}")
-        taken = found.tolist()
+            raise of(ShapeError(f"names: expected shape ({len(frames)},), got ({len(called)},)"), "names")
+    known = called if of_files or names is not None else []
+    stamps, more = times_of(len(frames), known, taken, numbered, times)
+    # A frame of an array that nobody named has a picture by its place, as one of a video.
+    pictures = called if known or not all(isinstance(frame, np.ndarray) for frame in frames) else []
     with reporter(progress, "frames") as report:
-        return Spots(_find_spots(frames, called, taken, asked, report))
+        found = _find_spots(frames, called, stamps, asked, pictures, False, report)
+    return Spots(found | {"warnings": warnings + more})
+
+
+def _of_video(
+    images: Any,
+    raw: str,
+    taken: tuple[int, float] | None,
+    asked: dict[str, Any],
+    progress: Callable[[int, int], Any] | bool | None,
+    **given: Any,
+) -> Spots:
+    for name, why in _NOT_OF_VIDEO.items():
+        if given[name] is not None and given[name] is not False:
+            raise wrong_value(name, f"with raw: {why}")
+    with reporter(progress, "frames") as report:
+        return Spots(_find_raw_spots(video(images), raw, taken, asked, report))
+
+
+_NOT_OF_VIDEO = {
+    "names": "frames of a video have none but their places",
+    "times": "nobody knows before how many frames there are; wanted start and fps",
+    "numbered": "frames of raw video come one after another",
+}

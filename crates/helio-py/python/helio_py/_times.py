@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from helio_py._errors import DataTypeError, TimeError
+from helio_py._errors import DataTypeError, HelioError, ShapeError, TimeError
 from helio_py._native import _parse_time
 
 _NAIVE = "a time without a zone is refused; give it one (UTC, if it is that)"
@@ -41,7 +41,7 @@ def unix_ns(times: Any) -> NDArray[np.int64]:
     if isinstance(times, dt.datetime):  # pandas' Timestamp too
         return np.asarray(_of_datetime(times, None), dtype=np.int64)
     if isinstance(times, str):
-        return np.asarray(_parse_time(times), dtype=np.int64)
+        return np.asarray(_of_text(times), dtype=np.int64)
     if package == "pandas":
         return _of_pandas(times)
     if package == "polars":
@@ -51,6 +51,29 @@ def unix_ns(times: Any) -> NDArray[np.int64]:
     if isinstance(times, (list, tuple)):
         return _of_sequence(times)
     raise _no_time(type(times).__name__)
+
+
+def instant(what: str, time: Any) -> int:
+    """Nanoseconds of Unix time of one instant, which an argument is."""
+    try:
+        found = unix_ns(time)
+    except HelioError as error:
+        error.args = (str(error).replace("times: ", f"{what}: ", 1),)
+        error.field = what
+        raise
+    if found.ndim:
+        refused = ShapeError(f"{what}: expected one instant, got an array of shape {found.shape}")
+        refused.field = what
+        raise refused
+    return int(found)
+
+
+def _of_text(text: str) -> int:
+    try:
+        return _parse_time(text)
+    except TimeError as error:
+        error.field = "times"
+        raise
 
 
 def _no_time(found: str) -> DataTypeError:

@@ -34,7 +34,7 @@ pub(super) fn read(text: &str) -> Result<(Option<Site>, BTreeMap<String, Target>
             (Some(line), Some((from, _))) => line < from,
             _ => targets_from.is_none(),
         };
-        Failure::from(error).or_field(if of_site { "site" } else { "targets" })
+        Failure::from(error).or_of(if of_site { "site" } else { "targets" })
     })
 }
 

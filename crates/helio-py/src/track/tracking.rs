@@ -4,7 +4,6 @@ use std::ffi::{c_int, c_void};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use helio_core::Status;
-use helio_io::output::{Number, Scale};
 use numpy::npyffi::{NPY_ARRAY_CARRAY, NpyTypes, PY_ARRAY_API, get_type_object};
 use numpy::{Element, PyArrayDescrMethods, PyUntypedArray};
 use pyo3::prelude::*;
@@ -15,7 +14,7 @@ use crate::failure::Failure;
 use crate::field::PyField;
 use crate::given;
 use crate::guard::guarded;
-use crate::rows::{KeptMoment, table};
+use crate::rows::{KeptMoment, table_of_angles};
 use crate::slab::{Double, Slab};
 
 /// Axis angles of a field for one sun or many, as columns.
@@ -291,34 +290,18 @@ impl PyTracking {
             }
             let moment = KeptMoment::of(times, sun_azimuth_rad, sun_elevation_rad, self.suns)?;
             let _busy = self.occupy()?;
-            let names = ["azimuth_deg", "elevation_deg", "incidence_deg"];
-            let mut numbers = names.map(Number::degrees).to_vec();
-            numbers.push(Number::degrees("limit_excess_deg").also(Status::OutsideLimits));
             let columns = [
                 Double::Axis1,
                 Double::Axis2,
                 Double::Incidence,
                 Double::LimitExcess,
             ];
-            let mut columns = columns.map(|column| self.copied(column)).to_vec();
-            if inner.loaded().has_drives() {
-                for (axis, name) in ["axis1_steps", "axis2_steps"].into_iter().enumerate() {
-                    let steps = |(row, &angle): (usize, &f64)| {
-                        let drive = inner.drives(row % self.heliostats)[axis];
-                        drive
-                            .and_then(|drive| drive.steps(angle))
-                            .unwrap_or(f64::NAN)
-                    };
-                    let steps = columns[axis].iter().enumerate().map(steps).collect();
-                    columns.push(steps);
-                    numbers.push(Number::new(name, Scale::Whole));
-                }
-            }
+            let columns = columns.map(|column| self.copied(column));
             let status = self.statuses().into_iter();
             // Codes are our own.
             let status: Vec<Status> = status.filter_map(Status::from_code).collect();
-            let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
-            table(field, &kind, &moment, numbers, &columns, &status, None)
+            let columns = columns.each_ref().map(Vec::as_slice);
+            table_of_angles(field, &kind, &moment, &columns, &status, [false, false])
         })
     }
 

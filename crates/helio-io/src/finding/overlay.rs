@@ -1,9 +1,13 @@
 //! What was found in a frame, drawn into it.
 
-use std::path::Path;
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
 
-use helio_io::{IoError, SeenInFrame, write_rgb};
 use helio_spot::{Frame, Gray, Plane, View};
+
+use super::SeenInFrame;
+use crate::error::IoError;
+use crate::pictures::write_rgb;
 
 const CORNERS: [u8; 3] = [0, 220, 255];
 const HIDDEN: [u8; 3] = [255, 140, 0];
@@ -13,17 +17,136 @@ const WINDOW: [u8; 3] = [255, 0, 220];
 const CENTRE: [u8; 3] = [255, 30, 30];
 const SIGMA: [u8; 3] = [40, 255, 60];
 
-/// Draws into a copy of the frame and writes it as PNG.
-pub(crate) fn write(path: &Path, frame: &Frame, seen: &SeenInFrame) -> Result<(), IoError> {
-    let mut canvas = match frame {
-        Frame::Gray8(picture) => Canvas::new(picture.view(), |gray| gray),
-        Frame::Gray16(picture) => Canvas::new(picture.view(), |gray| gray >> 8),
-    };
-    if let Some((threshold, within)) = seen.threshold {
-        match frame {
-            Frame::Gray8(picture) => canvas.outline(picture.view(), threshold, within),
-            Frame::Gray16(picture) => canvas.outline(picture.view(), threshold, within),
+/// A folder for pictures of what was found in frames.
+///
+/// ```
+/// use helio_io::{OverlayFolder, SeenInFrame};
+/// use helio_spot::View;
+/// let folder = tempfile::tempdir()?.keep().join("seen");
+/// let overlay = OverlayFolder::new(&folder, &["a/7.png".into(), "b/8.png".into()], &[])?;
+/// assert_eq!(overlay.path(1), folder.join("8.png"));
+/// let gray = [90_u8; 80 * 60];
+/// overlay.write(0, View::new(&gray, 80, 60)?, &SeenInFrame::default())?;
+/// assert!(folder.join("7.png").exists());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct OverlayFolder {
+    folder: PathBuf,
+    /// Name of each file without its suffix; none for video.
+    stems: Vec<String>,
+    /// Whether frames are numbered because names stand several times.
+    numbered: bool,
+}
+
+/// Why a folder is none for pictures of what was found.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum OverlayError {
+    /// There is a file of that name.
+    #[error("{} is a file; wanted a folder for the pictures", folder.display())]
+    NoFolder {
+        /// What was named.
+        folder: PathBuf,
+    },
+    /// A frame would be replaced by what is drawn over it.
+    #[error("{} is a frame that this run reads; wanted another folder", path.display())]
+    OverFrame {
+        /// The frame.
+        path: PathBuf,
+    },
+    /// It cannot be made.
+    #[error(transparent)]
+    Io(#[from] IoError),
+}
+
+impl OverlayFolder {
+    /// A folder, made if it does not exist, for pictures named as these files are without their suffixes, with their place
+    /// in front where names stand several times; `frame-000000.png` and so on where no file is named. None of them may
+    /// be one of `inputs`.
+    ///
+    /// # Errors
+    /// [`OverlayError`].
+    pub fn new(folder: &Path, files: &[PathBuf], inputs: &[PathBuf]) -> Result<Self, OverlayError> {
+        let stem = |path: &PathBuf| {
+            let stem = path.file_stem().unwrap_or(path.as_os_str());
+            stem.to_string_lossy().into_owned()
+        };
+        let stems: Vec<String> = files.iter().map(stem).collect();
+        let different: HashSet<&String> = stems.iter().collect();
+        let overlay = Self {
+            folder: folder.to_path_buf(),
+            numbered: different.len() < stems.len(),
+            stems,
+        };
+        let folder = folder.to_path_buf();
+        if folder.exists() && !folder.is_dir() {
+            return Err(OverlayError::NoFolder { folder });
         }
+        std::fs::create_dir_all(&folder).map_err(|error| IoError::write(&folder, error))?;
+        let inputs = inputs.iter().filter_map(|p| p.canonicalize().ok());
+        let inputs: HashSet<PathBuf> = inputs.collect();
+        for path in (0..overlay.stems.len()).map(|index| overlay.path(index)) {
+            let there = path.canonicalize();
+            if there.is_ok_and(|there| inputs.contains(&there)) {
+                return Err(OverlayError::OverFrame { path });
+            }
+        }
+        Ok(overlay)
+    }
+
+    /// The picture of the frame of this place in the list.
+    #[must_use]
+    pub fn path(&self, index: usize) -> PathBuf {
+        let name = match self.stems.get(index) {
+            None => format!("frame-{index:06}.png"),
+            Some(stem) if self.numbered => format!("{index:06}-{stem}.png"),
+            Some(stem) => format!("{stem}.png"),
+        };
+        self.folder.join(name)
+    }
+
+    /// Draws what was seen into a copy of a frame and writes it as PNG: marks, what counted as light, window and centre.
+    ///
+    /// # Errors
+    /// [`IoError`] if it cannot be written; there is then no file.
+    pub fn write<P: Gray>(
+        &self,
+        index: usize,
+        view: View<'_, P>,
+        seen: &SeenInFrame,
+    ) -> Result<(), IoError> {
+        let canvas = drawn(view, seen);
+        write_rgb(
+            &self.path(index),
+            &canvas.pixels,
+            canvas.width,
+            canvas.height,
+        )
+    }
+
+    /// The same for a frame of 8 or 16 bit.
+    ///
+    /// # Errors
+    /// As [`write`](Self::write).
+    pub fn write_frame(
+        &self,
+        index: usize,
+        frame: &Frame,
+        seen: &SeenInFrame,
+    ) -> Result<(), IoError> {
+        match frame {
+            Frame::Gray8(picture) => self.write(index, picture.view(), seen),
+            Frame::Gray16(picture) => self.write(index, picture.view(), seen),
+        }
+    }
+}
+
+fn drawn<P: Gray>(view: View<'_, P>, seen: &SeenInFrame) -> Canvas {
+    let deep = P::WHITE > u32::from(u8::MAX);
+    let mut canvas = Canvas::new(view, |gray| if deep { gray >> 8 } else { gray });
+    if let Some((threshold, within)) = seen.threshold {
+        canvas.outline(view, threshold, within);
     }
     for &[from, to] in &seen.outline_px {
         canvas.line(from, to, OUTLINE);
@@ -49,7 +172,7 @@ pub(crate) fn write(path: &Path, frame: &Frame, seen: &SeenInFrame) -> Result<()
             canvas.ellipse(plane, at, covariance_m2);
         }
     }
-    write_rgb(path, &canvas.pixels, canvas.width, canvas.height)
+    canvas
 }
 
 struct Canvas {
