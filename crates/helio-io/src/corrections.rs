@@ -36,7 +36,8 @@ const SAME_RAD: f64 = 1e-9;
 ///     moved_rad: vec![0.0; 6],
 ///     covariance: vec![0.0; 36],
 /// };
-/// let path = tempfile::tempdir()?.keep().join("left.csv");
+/// let folder = tempfile::tempdir()?;
+/// let path = folder.path().join("left.csv");
 /// let left = [Leftover::from_parts(parts)?];
 /// helio_io::write_leftovers(Destination::File(path.clone()), Format::Csv, &["A1".into()], &left)?;
 /// let corrections = helio_io::Corrections::load(&path, &field, None)?;

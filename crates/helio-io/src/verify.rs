@@ -17,8 +17,9 @@ const ROWS_PER_TASK: usize = 1 << 15;
 /// the steps of both axes; with `leftovers` both corrections and both standard deviations; if `verified` the beam's error.
 ///
 /// ```
-/// let names: Vec<&str> = helio_io::tracked_numbers(false, false, true).iter().map(|n| n.name).collect();
-/// assert_eq!(names.last(), Some(&"beam_error_mrad"));
+/// let numbers = helio_io::tracked_numbers(false, false, true);
+/// assert_eq!(numbers[0].name, "azimuth_deg");
+/// assert_eq!(numbers[4].name, "beam_error_mrad");
 /// ```
 #[must_use]
 pub fn tracked_numbers(drives: bool, leftovers: bool, verified: bool) -> Vec<Number> {
@@ -104,7 +105,7 @@ pub fn beyond_drives(
 /// let tracker = Tracker::new(&field, OffsetForm::Exact)?;
 /// let sun = EnuUnit::from_azimuth_elevation(3.0, 0.8);
 /// let tracking = tracker.track(sun);
-/// let toward = EnuUnit::try_new(Enu::new(0.0, 50.0, -38.0)).ok_or("no direction")?;
+/// let toward = EnuUnit::try_new(Enu::new(0.0, 50.0, -38.0))?;
 /// let planes = vec![TargetPlane::level(aim, toward)];
 /// let mut back = helio_io::BeamsBack::new(&[], planes, TrackOptions::default());
 /// let [axis1_rad, axis2_rad] = back.angles_rad([tracking.axis1_rad(), tracking.axis2_rad()], None);

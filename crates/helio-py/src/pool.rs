@@ -6,7 +6,7 @@
 
 use std::sync::atomic::{AtomicPtr, Ordering};
 
-use rayon::{ThreadPool, ThreadPoolBuilder};
+use rayon::{Scope, ThreadPool, ThreadPoolBuilder};
 
 use crate::failure::Failure;
 
@@ -24,6 +24,14 @@ static POOL: AtomicPtr<Pool> = AtomicPtr::new(std::ptr::null_mut());
 /// `InternalError` if the system refuses threads.
 pub(crate) fn run<T: Send>(work: impl FnOnce() -> T + Send) -> Result<T, Failure> {
     Ok(current()?.threads.install(work))
+}
+
+/// Runs some work on the caller's own thread, from which it hands parts of itself to threads of the pool; ends when they have.
+///
+/// # Errors
+/// `InternalError` if the system refuses threads.
+pub(crate) fn handing_out<'scope, T>(work: impl FnOnce(&Scope<'scope>) -> T) -> Result<T, Failure> {
+    Ok(current()?.threads.in_place_scope(work))
 }
 
 fn current() -> Result<&'static Pool, Failure> {

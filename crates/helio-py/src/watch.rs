@@ -69,6 +69,18 @@ pub(crate) fn watched<T: Send>(
     progress: Option<&Py<PyAny>>,
     work: impl FnOnce(Watch<'_>) -> T + Send,
 ) -> Result<T, Failure> {
+    watched_alone(py, progress, |watch| pool::run(|| work(watch)))?
+}
+
+/// The same for work that hands the threads of the pool what is there to do itself.
+///
+/// # Errors
+/// As [`watched`].
+pub(crate) fn watched_alone<T: Send>(
+    py: Python<'_>,
+    progress: Option<&Py<PyAny>>,
+    work: impl FnOnce(Watch<'_>) -> T + Send,
+) -> Result<T, Failure> {
     let state = State::default();
     let watch = |more: u64, total: u64| state.watch(more, total);
     let answer = py.detach(|| {
@@ -76,7 +88,7 @@ pub(crate) fn watched<T: Send>(
         thread::scope(|scope| {
             let task = || {
                 // Whatever happens, the one who waits hears of the end.
-                let answer = catch_unwind(AssertUnwindSafe(|| pool::run(|| work(&watch))));
+                let answer = catch_unwind(AssertUnwindSafe(|| work(&watch)));
                 let _ = send.send(());
                 answer
             };
@@ -95,7 +107,7 @@ pub(crate) fn watched<T: Send>(
             let answer = worker.join().and_then(|answer| answer);
             match raised {
                 Some(error) => Err(Failure::Python(error)),
-                None => answer.unwrap_or_else(|panic| resume_unwind(panic)),
+                None => Ok(answer.unwrap_or_else(|panic| resume_unwind(panic))),
             }
         })
     })?;
@@ -117,7 +129,7 @@ pub(crate) fn watched_or_left<T: Send + 'static>(
     watched_alone_or_left(py, progress, |watch| pool::run(|| work(watch)))?
 }
 
-/// The same for work that may wait, as for a stream, and shares with the threads of the pool only what is there to do.
+/// The same for work that may wait, as for a stream, and hands the threads of the pool what is there to do itself.
 ///
 /// # Errors
 /// As [`watched`].

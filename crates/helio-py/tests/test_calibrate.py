@@ -68,11 +68,12 @@ def test_the_command_line_writes_the_same_tables(
 @pytest.mark.parametrize("joint", [False, True])
 def test_a_time_beside_the_sun_s_angles_is_warned_of(joint: bool, example: hp.Field) -> None:
     table = pd.read_csv(SEEN)
-    timed = hp.calibrate(example, table, joint=joint)
+    asked: dict[str, Any] = {"joint": joint}
+    timed = hp.calibrate(example, table, **asked)
     sun = example.sun_position(table["time"].tolist())
     table["sun_azimuth_deg"] = np.degrees(sun.azimuth_rad) + 0.5
     table["sun_elevation_deg"] = np.degrees(sun.elevation_rad)
-    both = hp.calibrate(example, table, joint=joint)
+    both = hp.calibrate(example, table, **asked)
     said = "observations: records that state both a time and the sun's angles: "
     assert [said in warning for warning in both.warnings] == [True] + [False] * (len(both.warnings) - 1)
     assert f"{said}{len(table)} (first: " in both.warnings[0]

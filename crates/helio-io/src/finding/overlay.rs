@@ -22,7 +22,8 @@ const SIGMA: [u8; 3] = [40, 255, 60];
 /// ```
 /// use helio_io::{OverlayFolder, SeenInFrame};
 /// use helio_spot::View;
-/// let folder = tempfile::tempdir()?.keep().join("seen");
+/// let there = tempfile::tempdir()?;
+/// let folder = there.path().join("seen");
 /// let overlay = OverlayFolder::new(&folder, &["a/7.png".into(), "b/8.png".into()], &[])?;
 /// assert_eq!(overlay.path(1), folder.join("8.png"));
 /// let gray = [90_u8; 80 * 60];

@@ -4,25 +4,22 @@ use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc::sync_channel;
-use std::sync::{Arc, Mutex, PoisonError};
-use std::{iter, thread};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 use helio_io::{
     CameraTarget, FinderRoom, FrameClock, IoError, OverlayFolder, RawFrames, SeenInFrame,
     SpotFinder, SpotMethod, SpotRow, parse_raw,
 };
-use helio_spot::{Frame, Limits, RawFormat, RawVideo, VideoError};
+use helio_spot::{Limits, RawFormat, RawVideo};
 use numpy::PyReadonlyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
-use rayon::prelude::*;
 
 use super::{Called, Finding, SpotsAsked, answer};
 use crate::failure::Failure;
 use crate::guard::guarded;
 use crate::pool;
-use crate::watch::{watched, watched_alone_or_left};
+use crate::watch::{watched_alone, watched_alone_or_left};
 
 /// Bytes asked of Python at once.
 const CHUNK: usize = 1 << 20;
@@ -66,7 +63,7 @@ pub(crate) fn _find_raw_spots<'py>(
         let found = if let Ok(bytes) = source.extract::<PyReadonlyArrayDyn<'py, u8>>() {
             let bytes = bytes.as_slice().map_err(PyErr::from)?;
             let total = (bytes.len() as u64).div_ceil(video.frame_bytes());
-            watched(py, progress.as_ref(), |watch| {
+            watched_alone(py, progress.as_ref(), |watch| {
                 video.spots(bytes, Some(total), watch)
             })??
         } else if let Some(path) = path {
@@ -131,7 +128,7 @@ impl Video {
 
     /// What is in each frame, in their order, until `watch` wants an end.
     ///
-    /// A thread of its own reads, so that threads of the pool, which others want too, wait for no stream.
+    /// The caller's thread reads, so that threads of the pool, which others want too, wait for no stream.
     fn spots<R: Read + Send>(
         &self,
         reader: R,
@@ -140,61 +137,90 @@ impl Video {
     ) -> Result<Vec<(SpotRow, SeenInFrame)>, Failure> {
         let video = self.of(reader);
         let video = video.map_err(|error| Failure::of("OptionError", "raw", error))?;
-        let waiting = (WAITING.0 / self.frame_bytes()).clamp(1, WAITING.1) as usize;
-        let read = AtomicU64::new(0);
-        let watch = |more: u64| watch(more, total.unwrap_or_else(|| read.load(Ordering::Relaxed)));
-        let (send, frames) = sync_channel(waiting);
-        let reading = || {
-            for frame in video.enumerate() {
-                read.fetch_add(1, Ordering::Relaxed);
-                if !watch(0) || send.send(frame).is_err() {
-                    break;
-                }
-            }
-            drop(send);
-        };
         let finding = Finding {
             finder: SpotFinder::new(&self.target, self.method.clone()),
             overlay: self.overlay.clone(),
             alone: false,
         };
-        let rooms = Mutex::new(Vec::new());
-        let one = |(index, frame): (usize, Result<Frame, VideoError>)| {
-            let kept = || rooms.lock().unwrap_or_else(PoisonError::into_inner);
-            let mut room: FinderRoom = kept().pop().unwrap_or_default();
-            let called = Called {
-                index,
-                file: format!("frame {index}"),
-                unix_ns: self.clock.as_ref().map(|clock| clock.at(index)),
-            };
-            let frame = frame.map_err(|error| error.to_string());
-            let found = finding.in_frame(frame, called, &mut room);
-            kept().push(room);
-            watch(1);
-            found
-        };
-        thread::scope(|scope| {
-            thread::Builder::new()
-                .name("helio-frames".into())
-                .spawn_scoped(scope, reading)
-                .map_err(|error| Failure::new("InternalError", format!("no thread: {error}")))?;
-            // Gone with this closure, so that whoever reads hears of an early end.
-            let frames = frames;
-            let mut found = Vec::new();
-            while let Ok(first) = frames.recv() {
-                let batch: Vec<_> = iter::once(first)
-                    .chain(frames.try_iter().take(waiting))
-                    .collect();
-                if !watch(0) {
+        let most = (WAITING.0 / self.frame_bytes()).clamp(1, WAITING.1) as usize;
+        let desk = Desk::default();
+        let read = AtomicU64::new(0);
+        let all = || total.unwrap_or_else(|| read.load(Ordering::Relaxed));
+        pool::handing_out(|scope| {
+            for (index, frame) in video.enumerate() {
+                read.fetch_add(1, Ordering::Relaxed);
+                if !watch(0, all()) || !desk.takes_one(most) {
                     break;
                 }
-                let done = pool::run(|| batch.into_par_iter().with_max_len(1).map(one).collect())?;
-                let done: Vec<Result<(SpotRow, SeenInFrame), Failure>> = done;
-                // Of several failures the first, whoever came to it first.
-                found.extend(done.into_iter().collect::<Result<Vec<_>, _>>()?);
+                let (finding, desk, all) = (&finding, &desk, &all);
+                scope.spawn(move |_| {
+                    let place = Place(desk);
+                    let called = Called {
+                        index,
+                        file: format!("frame {index}"),
+                        unix_ns: self.clock.as_ref().map(|clock| clock.at(index)),
+                    };
+                    let mut room = desk.locked().rooms.pop().unwrap_or_default();
+                    let frame = frame.map_err(|error| error.to_string());
+                    let found = finding.in_frame(frame, called, &mut room);
+                    let mut kept = desk.locked();
+                    kept.failed |= found.is_err();
+                    kept.rooms.push(room);
+                    kept.done.push((index, found));
+                    drop(kept);
+                    watch(1, all());
+                    drop(place);
+                });
             }
-            Ok(found)
-        })
+        })?;
+        watch(0, all());
+        let mut done = std::mem::take(&mut desk.locked().done);
+        done.sort_unstable_by_key(|(index, _)| *index);
+        // Of several failures the first, whoever came to it first.
+        done.into_iter().map(|(_, found)| found).collect()
+    }
+}
+
+/// What was found in a frame.
+type Found = Result<(SpotRow, SeenInFrame), Failure>;
+
+/// Where frames wait to be looked at, and what was found in them.
+#[derive(Default)]
+struct Desk {
+    kept: Mutex<Kept>,
+    fewer: Condvar,
+}
+
+#[derive(Default)]
+struct Kept {
+    waiting: usize,
+    failed: bool,
+    rooms: Vec<FinderRoom>,
+    done: Vec<(usize, Found)>,
+}
+
+impl Desk {
+    fn locked(&self) -> MutexGuard<'_, Kept> {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Takes a frame when there is a place; false where one failed, and no more are wanted.
+    fn takes_one(&self, most: usize) -> bool {
+        let full = |kept: &mut Kept| kept.waiting >= most && !kept.failed;
+        let kept = self.fewer.wait_while(self.locked(), full);
+        let mut kept = kept.unwrap_or_else(PoisonError::into_inner);
+        kept.waiting += 1;
+        !kept.failed
+    }
+}
+
+/// A frame's place on the desk, free again whatever happens to it.
+struct Place<'a>(&'a Desk);
+
+impl Drop for Place<'_> {
+    fn drop(&mut self) {
+        self.0.locked().waiting -= 1;
+        self.0.fewer.notify_one();
     }
 }
 
