@@ -1,6 +1,7 @@
 //! Pictures as PNG files.
 
-use std::io::Cursor;
+use std::fs::File;
+use std::io::{Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use helio_spot::Frame;
@@ -70,6 +71,43 @@ pub fn write_rgb(path: &Path, rgb: &[[u8; 3]], width: usize, height: usize) -> R
     )
 }
 
+/// What tells our pictures of what was found from those of others: a text chunk of PNG ("Software: helio-rs spot --overlay"),
+/// with its length before and its checksum behind.
+const MARK: &[u8] = b"\x00\x00\x00\x20tEXtSoftware\0helio-rs spot --overlay\x28\x66\x55\x10";
+/// Bytes of the chunk that ends a PNG.
+const END: usize = 12;
+
+/// Writes a picture of what was found in a frame, marked as one.
+pub(crate) fn write_overlay(
+    path: &Path,
+    rgb: &[[u8; 3]],
+    width: usize,
+    height: usize,
+) -> Result<(), IoError> {
+    let mut bytes = encoded(
+        path,
+        rgb.as_flattened(),
+        width,
+        height,
+        ExtendedColorType::Rgb8,
+    )?;
+    let end = bytes.len().saturating_sub(END);
+    bytes.splice(end..end, MARK.iter().copied());
+    write_file(path, &bytes)
+}
+
+/// True for a file that [`write_overlay`] wrote.
+pub(crate) fn is_overlay(path: &Path) -> bool {
+    let last = || -> std::io::Result<Vec<u8>> {
+        let mut file = File::open(path)?;
+        let mut bytes = vec![0; MARK.len() + END];
+        file.seek(SeekFrom::End(-(bytes.len() as i64)))?;
+        file.read_exact(&mut bytes)?;
+        Ok(bytes)
+    };
+    last().is_ok_and(|bytes| bytes.starts_with(MARK))
+}
+
 fn write(
     path: &Path,
     bytes: &[u8],
@@ -77,6 +115,16 @@ fn write(
     height: usize,
     colour: ExtendedColorType,
 ) -> Result<(), IoError> {
+    write_file(path, &encoded(path, bytes, width, height, colour)?)
+}
+
+fn encoded(
+    path: &Path,
+    bytes: &[u8],
+    width: usize,
+    height: usize,
+    colour: ExtendedColorType,
+) -> Result<Vec<u8>, IoError> {
     let refuse = |message: String| IoError::write(path, std::io::Error::other(message));
     let size = |pixels: usize| u32::try_from(pixels).map_err(|e| refuse(e.to_string()));
     let (width, height) = (size(width)?, size(height)?);
@@ -91,5 +139,29 @@ fn write(
     PngEncoder::new_with_quality(&mut file, CompressionType::Fast, FilterType::Sub)
         .write_image(bytes, width, height, colour)
         .map_err(|e| refuse(e.to_string()))?;
-    write_file(path, file.get_ref())
+    Ok(file.into_inner())
+}
+
+#[cfg(test)]
+mod tests {
+    use helio_spot::{Frame, Limits, decode};
+
+    use super::*;
+
+    #[test]
+    fn pictures_of_what_was_found_are_known_again() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let [ours, other] = ["ours.png", "other.png"].map(|name| folder.path().join(name));
+        let rgb = [[10, 20, 30], [40, 50, 60]];
+        write_overlay(&ours, &rgb, 2, 1).expect("written");
+        write_rgb(&other, &rgb, 2, 1).expect("written");
+        assert!(is_overlay(&ours) && !is_overlay(&other));
+        assert!(!is_overlay(&folder.path().join("none.png")));
+        // A reader that looks at checksums takes both for the same picture.
+        let read = |path| -> Frame {
+            let bytes = std::fs::read(path).expect("a file");
+            decode(&bytes, &Limits::default()).expect("a picture")
+        };
+        assert_eq!(read(&ours), read(&other));
+    }
 }

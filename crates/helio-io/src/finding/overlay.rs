@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use helio_spot::{Frame, Gray, Plane, View};
 
 use super::SeenInFrame;
-use crate::error::IoError;
-use crate::pictures::write_rgb;
+use crate::error::{IoError, Place, Problem};
+use crate::pictures::{is_overlay, write_overlay};
 
 const CORNERS: [u8; 3] = [0, 220, 255];
 const HIDDEN: [u8; 3] = [255, 140, 0];
@@ -56,6 +56,12 @@ pub enum OverlayError {
         /// The frame.
         path: PathBuf,
     },
+    /// A file would be replaced that no earlier run drew.
+    #[error("{} is there already, and spot did not draw it; wanted another folder", path.display())]
+    NotOurs {
+        /// The file.
+        path: PathBuf,
+    },
     /// It cannot be made.
     #[error(transparent)]
     Io(#[from] IoError),
@@ -64,7 +70,7 @@ pub enum OverlayError {
 impl OverlayFolder {
     /// A folder, made if it does not exist, for pictures named as these files are without their suffixes, with their place
     /// in front where names stand several times; `frame-000000.png` and so on where no file is named. None of them may
-    /// be one of `inputs`.
+    /// be one of `inputs`; what is there already and was not drawn by an earlier run is not replaced.
     ///
     /// # Errors
     /// [`OverlayError`].
@@ -92,6 +98,9 @@ impl OverlayFolder {
             if there.is_ok_and(|there| inputs.contains(&there)) {
                 return Err(OverlayError::OverFrame { path });
             }
+            if path.symlink_metadata().is_ok() && !is_overlay(&path) {
+                return Err(OverlayError::NotOurs { path });
+            }
         }
         Ok(overlay)
     }
@@ -117,13 +126,15 @@ impl OverlayFolder {
         view: View<'_, P>,
         seen: &SeenInFrame,
     ) -> Result<(), IoError> {
+        let path = self.path(index);
+        // Of video nobody knows before how many there will be.
+        if self.stems.is_empty() && path.symlink_metadata().is_ok() && !is_overlay(&path) {
+            let message = OverlayError::NotOurs { path: path.clone() }.to_string();
+            let problem = Problem::Conflict { message };
+            return Err(IoError::new(Place::default(), problem));
+        }
         let canvas = drawn(view, seen);
-        write_rgb(
-            &self.path(index),
-            &canvas.pixels,
-            canvas.width,
-            canvas.height,
-        )
+        write_overlay(&path, &canvas.pixels, canvas.width, canvas.height)
     }
 
     /// The same for a frame of 8 or 16 bit.

@@ -6,7 +6,7 @@ use super::Paint;
 use super::heliostats::{ACTUATOR, Properties};
 use super::observations::Seen;
 use crate::error::{IoError, Place, Problem};
-use crate::hash::Sha256;
+use crate::hash::{Sha256, hash_file};
 use crate::output::{Cells, Destination, Format, write_columns};
 use crate::write_file;
 
@@ -22,7 +22,7 @@ impl Paint {
     ///
     /// # Errors
     /// [`IoError`] for what cannot be written, and for a folder with files of these names that no conversion wrote, or
-    /// whose field.toml was changed since.
+    /// that were changed since.
     pub fn write(&self, folder: &Path) -> Result<(PathBuf, PathBuf), IoError> {
         std::fs::create_dir_all(folder).map_err(|error| IoError::write(folder, error))?;
         check(folder)?;
@@ -31,7 +31,7 @@ impl Paint {
         self.write_drives(folder.join(DRIVES))?;
         let observations = folder.join(OBSERVATIONS);
         self.write_observations(observations.clone())?;
-        let (field, text) = (folder.join(FIELD), self.toml());
+        let (field, text) = (folder.join(FIELD), sums(folder)? + &self.toml());
         write_file(&field, format!("{}\n{text}", headed(&text)).as_bytes())?;
         Ok((field, observations))
     }
@@ -145,19 +145,31 @@ fn headed(text: &str) -> String {
     format!("{OURS}{}", sum.finish())
 }
 
+/// The tables that stand beside, with their sums, as comments.
+fn sums(folder: &Path) -> Result<String, IoError> {
+    let mut lines = String::new();
+    for name in [HELIOSTATS, DRIVES, OBSERVATIONS] {
+        lines += &format!("# {} {name}\n", hash_file(&folder.join(name))?);
+    }
+    Ok(lines)
+}
+
 /// Refuses a folder with files that would be lost and that no conversion wrote.
 fn check(folder: &Path) -> Result<(), IoError> {
     let names = [FIELD, HELIOSTATS, DRIVES, OBSERVATIONS];
-    let Some(there) = names.into_iter().find(|name| folder.join(name).exists()) else {
+    let text = std::fs::read_to_string(folder.join(FIELD)).unwrap_or_default();
+    let rest = text.split_once('\n');
+    let rest = rest.filter(|(first, rest)| *first == headed(rest));
+    let ours = |name: &str| {
+        let sum = hash_file(&folder.join(name)).unwrap_or_default();
+        rest.is_some_and(|(_, rest)| {
+            name == FIELD || rest.lines().any(|line| line == format!("# {sum} {name}"))
+        })
+    };
+    let lost = |name: &&str| folder.join(name).symlink_metadata().is_ok() && !ours(name);
+    let Some(there) = names.into_iter().find(lost) else {
         return Ok(());
     };
-    let text = std::fs::read_to_string(folder.join(FIELD)).unwrap_or_default();
-    let ours = text
-        .split_once('\n')
-        .is_some_and(|(first, rest)| first == headed(rest));
-    if ours {
-        return Ok(());
-    }
     let message = format!(
         "{there} is there already, which no conversion wrote or which was changed since, and would be lost; wanted another folder"
     );

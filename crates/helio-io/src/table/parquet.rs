@@ -190,6 +190,10 @@ fn column(whole: &ArrayRef) -> Result<Column, arrow::error::ArrowError> {
             let utc = DataType::Timestamp(TimeUnit::Nanosecond, Some("UTC".into()));
             Column::Time(TimestampNanosecondArray::from(to(&utc)?.to_data()))
         }
+        // Nothing in it is anything: an empty column of pandas has this type.
+        DataType::Timestamp(_, None) if whole.null_count() == whole.len() => {
+            Column::Text(StringArray::new_null(whole.len()))
+        }
         DataType::Timestamp(_, None) => Column::Other("time without a zone".into()),
         kind => Column::Other(kind.to_string()),
     })

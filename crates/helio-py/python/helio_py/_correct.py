@@ -229,8 +229,8 @@ def verify(
 
     Notes
     -----
-    The numbers of ``helio-rs track --verify`` to the last bit. A field made of columns has no drives: its angles are
-    followed back as they are.
+    The numbers of ``helio-rs track --verify`` to the last bit. Angles of axes without a
+    drive are followed back as they are.
 
     Examples
     --------

@@ -66,7 +66,7 @@ def convert_paint(
         ``AA39/Properties/AA39-heliostat-properties.json``), or the calibration records of each heliostat by its name.
     out : path
         Folder for field.toml, heliostats.csv, drives.csv and observations.csv; made if it is not there. What an earlier
-        conversion wrote there is replaced, unless its field.toml was changed since; files of others are not.
+        conversion wrote there is replaced, unless it was changed since; files of others are not.
     heliostats : mapping, optional
         With a mapping of records: the heliostat-properties.json of each heliostat.
     centroid : str, default "HeliOS"
