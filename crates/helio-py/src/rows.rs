@@ -327,7 +327,8 @@ pub(crate) fn _angles<'py>(
             return Err(Failure::new("MissingError", message));
         };
         let given = Given::of(angles, "azimuth_rad")?;
-        let read = py.detach(|| load_angles(given.source(), loaded))?;
+        let read = py.detach(|| load_angles(given.source(), loaded));
+        let read = read.map_err(|error| Failure::from(error).or_of("azimuth_rad"))?;
         let rows = read.heliostat.len();
         let dict = PyDict::new(py);
         let heliostats: Vec<i64> = read.heliostat.iter().map(|&h| h as i64).collect();
