@@ -180,6 +180,22 @@ fn a_folder_of_others_is_left_as_it_is() {
         refused.stderr()
     );
     assert_eq!(folder.read("plant/field.toml"), changed);
+
+    // Records struck out by hand are no less worth.
+    folder.write("plant/field.toml", &first);
+    let seen = folder.read("plant/observations.csv");
+    let fewer: Vec<&str> = seen.lines().take(5).collect();
+    folder.write("plant/observations.csv", fewer.join("\n"));
+    let refused = convert(&folder, &["--out", "plant"]);
+    assert_eq!(refused.code(), 2);
+    assert!(
+        refused
+            .stderr()
+            .contains("observations.csv is there already"),
+        "{}",
+        refused.stderr()
+    );
+    assert_eq!(folder.read("plant/observations.csv"), fewer.join("\n"));
 }
 
 #[test]

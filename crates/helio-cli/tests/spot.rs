@@ -212,6 +212,19 @@ fn overlays_are_drawn_beside_the_frames() {
             assert!(bytes.len() > 10_000);
         }
     }
+    // Drawn again over what was drawn, and over nothing else.
+    spot(&folder, &["f", "--overlay", "robust"]).good();
+    std::fs::create_dir(folder.path().join("mine")).unwrap();
+    folder.write("mine/000002.png", "mine");
+    let run = spot(&folder, &["f", "--overlay", "mine"]);
+    assert_eq!(run.code(), 2);
+    assert!(
+        run.stderr()
+            .contains("is there already, and spot did not draw it"),
+        "{}",
+        run.stderr()
+    );
+    assert_eq!(folder.read("mine/000002.png"), "mine");
     let run = spot(&folder, &["f", "--overlay", "f"]);
     assert_eq!(run.code(), 2);
     assert!(

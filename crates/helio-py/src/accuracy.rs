@@ -164,13 +164,15 @@ fn judged(
     weather: Option<&Given>,
     words: &CampaignWords,
 ) -> Result<PyJudged, Failure> {
-    let table = load_spots(spots.source())?;
+    let named = |name: &'static str| move |error: IoError| Failure::from(error).or_of(name);
+    let table = load_spots(spots.source()).map_err(named("spots"))?;
     if table.rows.iter().all(|row| row.unix_ns.is_none()) {
         let message =
             "no row has a time; wanted a column `time`, such as find_spots(times=…) gives";
         return Err(Failure::of("MissingError", "spots", message));
     }
-    let record = weather.map(|w| load_weather(w.source())).transpose()?;
+    let record = weather.map(|w| load_weather(w.source()).map_err(named("weather")));
+    let record = record.transpose()?;
     let mut files = Vec::new();
     for given in [Some(spots), weather].into_iter().flatten() {
         let source = given.source();

@@ -9,8 +9,8 @@ use helio_io::calibrate::{
 };
 use helio_io::output::{Destination, Format, KeptCells, KeptColumns};
 use helio_io::{
-    CalibratedSet, LoadedField, Observations, Provenance, Sha256, load_observations_with_spots,
-    load_spots, write_calibration,
+    CalibratedSet, IoError, LoadedField, Observations, Provenance, Sha256,
+    load_observations_with_spots, load_spots, write_calibration,
 };
 use helio_report::AboutRun;
 use helio_report::calibration::{CalibrationPage, calibration_page};
@@ -167,16 +167,19 @@ pub(crate) fn observed(
     loaded: &LoadedField,
 ) -> Result<(Observations, String), Failure> {
     let source = observations.source();
-    let mut hash = source.hash()?;
+    let named = |error: IoError| Failure::from(error).or_of("observations");
+    let mut hash = source.hash().map_err(named)?;
     let table = match spots {
         Some(spots) => {
             let of_spots = spots.source().hash()?;
             hash = hash_text(&format!("{hash} {of_spots}"));
-            Some(load_spots(spots.source())?)
+            let table = load_spots(spots.source());
+            Some(table.map_err(|error| Failure::from(error).or_of("spots"))?)
         }
         None => None,
     };
-    let mut observations = load_observations_with_spots(source, table.as_ref(), loaded)?;
+    let observations = load_observations_with_spots(source, table.as_ref(), loaded);
+    let mut observations = observations.map_err(named)?;
     observations.leave_aside_after(now_ns().saturating_add(AHEAD_NS))?;
     if observations.is_empty() {
         let records = observations.records;

@@ -22,7 +22,7 @@ const ROWS_PER_LOOK: usize = 1 << 15;
 impl From<CorrectionsError> for Failure {
     fn from(error: CorrectionsError) -> Self {
         match error {
-            CorrectionsError::Table(error) => error.into(),
+            CorrectionsError::Table(error) => Self::from(error).or_of("leftovers"),
             other => Self::of("ConflictError", "leftovers", other),
         }
     }

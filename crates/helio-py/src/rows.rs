@@ -324,7 +324,8 @@ pub(crate) fn _angles<'py>(
     guarded(|| {
         let inner = PyField::of(field)?.get().inner();
         let given = Given::of(angles, "azimuth_rad")?;
-        let read = py.detach(|| load_angles(given.source(), inner.loaded()))?;
+        let read = py.detach(|| load_angles(given.source(), inner.loaded()));
+        let read = read.map_err(|error| Failure::from(error).or_of("azimuth_rad"))?;
         let rows = read.heliostat.len();
         let dict = PyDict::new(py);
         let heliostats: Vec<i64> = read.heliostat.iter().map(|&h| h as i64).collect();

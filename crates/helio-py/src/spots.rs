@@ -51,7 +51,7 @@ impl SpotsAsked {
         let inputs: Vec<PathBuf> = read.chain(target).collect();
         let overlay = OverlayFolder::new(folder, called, &inputs);
         Ok(Some(overlay.map_err(|error| match error {
-            OverlayError::Io(error) => error.into(),
+            OverlayError::Io(error) => Failure::from(error).or_of("overlay"),
             other => Failure::of("OptionError", "overlay", other),
         })?))
     }

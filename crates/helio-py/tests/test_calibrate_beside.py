@@ -393,3 +393,13 @@ def test_ctrl_c_leaves_no_page(way: str, tmp_path: Path) -> None:
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False, timeout=300)
     assert done.stdout == "stopped True\n", done.stderr
+
+
+def test_what_changed_against_a_table_of_ones_own(example: hp.Field) -> None:
+    """Columns without a cell, such as the times of a calibration that always holds, are of any type in pandas."""
+    earlier = hp.calibrate(example, ROOT / "examples/observations.csv")
+    want = hp.calibrate(example, ROOT / "examples/observations.csv", robust="huber", compare=earlier)
+    found = hp.calibrate(
+        example, ROOT / "examples/observations.csv", robust="huber", compare=pd.DataFrame(earlier.to_table())
+    )
+    assert found.changes == want.changes

@@ -235,7 +235,7 @@ def test_wrong_calls_are_named(left: Left, example: hp.Field) -> None:
         (hp.DataTypeError, "tracking: expected a Tracking, got tuple", "tracking", lambda: hp.correct(field, (1, 2), path)),  # type: ignore[arg-type]
         (hp.DataTypeError, "tracking: expected a Tracking or a Corrected, got nothing", "tracking", lambda: hp.verify(field, None, 3.0, 0.8)),  # type: ignore[arg-type]
         (hp.DataTypeError, "leftovers: expected a table", "leftovers", lambda: hp.correct(field, tracking, 3)),
-        (hp.FileUnreadableError, "nowhere.csv", None, lambda: hp.correct(field, tracking, "nowhere.csv")),
+        (hp.FileUnreadableError, "nowhere.csv", "leftovers", lambda: hp.correct(field, tracking, "nowhere.csv")),
         (hp.UnknownNameError, "unknown heliostat `H", None, lambda: hp.correct(field, tracking, path)),
         (hp.ShapeError, r"tracking: expected shape \(500,\) or \(m, 500\), got \(3,\)", "tracking", lambda: hp.correct(example, tracking, path)),
         (hp.ShapeError, r"tracking: expected shape \(3,\), got \(2, 3\)", "tracking", lambda: hp.verify(field, two, 3.0, 0.8)),

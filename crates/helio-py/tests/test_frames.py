@@ -242,10 +242,10 @@ def test_pictures_never_replace_frames(tmp_path: Path) -> None:
         hp.find_spots(tmp_path / "f", TARGET, overlay=tmp_path / "f" / "1.png")
     with pytest.raises(hp.DataTypeError, match=r"^overlay: expected a path"):
         hp.find_spots(tmp_path / "f", TARGET, overlay=3)  # type: ignore[arg-type]
-    # One that cannot be written ends it.
+    # One that would take the place of something else ends it.
     (tmp_path / "seen" / "frame-000002.png").mkdir(parents=True)
     for images, raw in ((stack(), None), (stack().tobytes() * 20, "160x120")):
-        with pytest.raises(hp.FileError, match=r"frame-000002\.png: cannot be written"):
+        with pytest.raises(hp.FileError, match=r"frame-000002\.png is there already, and spot did not draw it"):
             hp.find_spots(images, TARGET, raw=raw, overlay=tmp_path / "seen")
     hp.find_spots(stack()[:2], TARGET, names=["run/a.png", "run/b.png"], overlay=tmp_path / "named")
     assert sorted(path.name for path in (tmp_path / "named").iterdir()) == ["a.png", "b.png"]

@@ -342,7 +342,7 @@ def find_spots(
     images : sequence of arrays or paths, array, or path
         Frames as ``find_spot`` takes them; an array of shape (n, rows, columns) or (n, rows, columns, 3); or what
         ``helio-rs spot`` takes: files, folders, patterns such as "run/*.png", "@LIST". A file that is no picture or not
-        there keeps its place as "unreadable". With `raw` a path, bytes (whatever has a buffer of them, such as mmap), or
+        there keeps its place as "unreadable"; one that is named twice is taken once. With `raw` a path, bytes (whatever has a buffer of them, such as mmap), or
         a file opened for bytes, such as the standard output of ffmpeg.
     target, method, threshold, expected, white
         As for ``find_spot``.
@@ -360,7 +360,7 @@ def find_spots(
         `start`), so that frames which are missing shift none.
     overlay : path, optional
         Folder for a picture of each frame with marks, threshold, window and centre drawn in; made if it does not exist.
-        ``plot.spot_overlay`` draws for matplotlib.
+        Pictures of an earlier run are replaced, files of others refused. ``plot.spot_overlay`` draws for matplotlib.
     progress : callable or True, optional
         Called with the numbers of frames done and of all (of a stream of those read so far); True for a bar of tqdm.
 
